@@ -28,31 +28,8 @@ Reading = Callable[[Array], None]
 """Changes what the sensors read (P, s, N) in place."""
 
 ABSURD_DEGC = 1e4
-SMALLEST = 0.02
-"""Of the typical difference: below it the power of a difference is taken there."""
-
-
-@dataclass(frozen=True)
-class PowerLoss:
-    """Of a node to a boundary: G |d/d0|^p d instead of G d; G, d0 and p in each lane (P,)."""
-
-    node: int
-    boundary: int
-    conductance: Array
-    typical_degC: Array
-    exponent: Array
-
-
-@dataclass(frozen=True)
-class PhaseChange:
-    """A body beside a node that stays at one temperature while it freezes or melts; G and fusion in K (P,)."""
-
-    node: int
-    body: int
-    conductance: Array
-    fusion: Array
-    melting_degC: float
-    melts: bool
+_UNWARNED = np.errstate(all="ignore")
+"""A lane that runs away is not finite."""
 
 
 @dataclass
@@ -79,8 +56,11 @@ class Network:
     """Conductances that vary: nodes (k,), W/K (P, k, N), and the temperature on the other side (broadcast to that)."""
     pairs: list[tuple[int, int, Array]] = field(default_factory=list)
     """Conductances between two nodes that vary, (P, N)."""
-    powers: list[PowerLoss] = field(default_factory=list)
-    phases: list[PhaseChange] = field(default_factory=list)
+    powers: list[tuple[int, int, Array]] = field(default_factory=list)
+    """Losses G |d/d0|^p d instead of G d: node, boundary, and G in W/K, d0 in K and p (3, P)."""
+    phases: list[tuple[int, int, Array]] = field(default_factory=list)
+    """Bodies that freeze or melt: node, body, and G in W/K between them, heat of fusion in K, melting point in degC,
+    and -1 where the body begins solid, else 1 (4, P)."""
     readings: list[Reading] = field(default_factory=list)
     every: int = 1
 
@@ -129,28 +109,40 @@ class Network:
         self.between[:, one, other] += conductance
         self.between[:, other, one] += conductance
 
+    def link(self, node: str, other: str, conductance: Array, weight: Array | None = None) -> None:
+        """A path of ``conductance`` (P,) from a node to another, or a boundary, times ``weight`` (N,) if it varies."""
+        index, inside = self.index(node), other in self.nodes
+        beyond = self.index(other) if inside else self.boundary(other)
+        if weight is None and inside:
+            self.join(index, beyond, conductance)
+        elif weight is None:
+            self.to_boundary[:, index, beyond] += conductance
+        elif inside:
+            self.pairs.append((index, beyond, conductance[:, None] * weight))
+        else:
+            self.vary([index], conductance[:, None, None] * weight, self.boundary_degC[beyond])
+
+    @_UNWARNED
     def simulate(self, start_degC: Array) -> Array:
         """What the sensors read, (P, s, N / every), from ``start_degC`` (P, n); lanes that run away are not finite."""
         out, modes = self._modes(start_degC)
-        with np.errstate(all="ignore"):
-            return self._sensed(out[:, self.reads] @ modes)
+        return self._sensed(out[:, self.reads] @ modes)
 
+    @_UNWARNED
     def nodes_degC(self, start_degC: Array) -> Array:
         """All nodes, (P, n, N)."""
         out, modes = self._modes(start_degC)
-        with np.errstate(all="ignore"):
-            return np.asarray(out @ modes)
+        return np.asarray(out @ modes)
 
+    @_UNWARNED
     def read(self, nodes_degC: Array) -> Array:
         """What the sensors make of all nodes (P, n, N), (P, s, N / every): means over the steps of a reading."""
         return self._sensed(nodes_degC[:, self.reads])
 
     def _sensed(self, read: Array) -> Array:
-        # a lane that runs away is not finite
-        with np.errstate(all="ignore"):
-            for change in self.readings:
-                change(read)
-            return read if self.every == 1 else averaged(read, self.every)
+        for change in self.readings:
+            change(read)
+        return read if self.every == 1 else averaged(read, self.every)
 
     def vary(self, nodes: Sequence[int], conductance: Array, degC: Array) -> None:
         """Conductances (P, k, N) that vary from ``nodes`` to a prescribed temperature, which is broadcast to them."""
@@ -159,39 +151,28 @@ class Network:
     def _active(self) -> NDArray[np.intp]:
         """The nodes whose heat is not known in advance."""
         varying = [node for nodes, _, _ in self.varying for node in nodes]
-        pairs = [node for one, other, _ in self.pairs for node in (one, other)]
-        phases = [node for each in self.phases for node in (each.node, each.body)]
-        return np.unique(np.array([*varying, *pairs, *(each.node for each in self.powers), *phases], dtype=np.intp))
+        joined = [node for one, other, _ in (*self.pairs, *self.phases) for node in (one, other)]
+        return np.unique(np.array([*varying, *joined, *(node for node, _, _ in self.powers)], dtype=np.intp))
 
     def _terms(self, active: NDArray[np.intp]) -> Terms:
         """All that follows from the temperatures of ``active`` nodes."""
         lanes, samples = self.lanes, len(self.time_s)
-        known, fall = np.zeros((lanes, len(active), samples)), np.zeros((lanes, len(active), samples))
+        known, fall = np.zeros((2, lanes, len(active), samples))
         for nodes, conductance, degC in self.varying:
             places = np.searchsorted(active, nodes)
             known[:, places] += conductance * degC
             fall[:, places] += conductance
-        powers, phases = self.powers, self.phases
-        lanewise = np.zeros((lanes, 0))
-        return Terms(
-            known,
-            fall,
-            np.searchsorted(active, np.array([each[:2] for each in self.pairs], dtype=np.intp).reshape(-1, 2)),
-            np.array([each[2] for each in self.pairs]).reshape(-1, lanes, samples).transpose(1, 0, 2),
-            np.searchsorted(active, np.array([each.node for each in powers], dtype=np.intp)),
-            self.boundary_degC[np.array([each.boundary for each in powers], dtype=np.intp)],
-            np.column_stack([lanewise, *(each.conductance for each in powers)]),
-            np.column_stack([lanewise, *(each.exponent for each in powers)]),
-            np.column_stack([lanewise, *(each.typical_degC for each in powers)]),
-            SMALLEST,
-            np.searchsorted(active, np.array([[each.node, each.body] for each in phases], dtype=np.intp)).reshape(
-                -1, 2
-            ),
-            np.column_stack([lanewise, *(each.conductance for each in phases)]),
-            np.column_stack([lanewise, *(each.fusion for each in phases)]),
-            np.array([each.melting_degC for each in phases], dtype=float),
-            np.array([-1.0 if each.melts else 1.0 for each in phases]),
-        )
+
+        def stacked(terms: Sequence[tuple[int, int, Array]], *shape: int) -> tuple[NDArray[np.intp], Array]:
+            ends = np.array([(one, other) for one, other, _ in terms], dtype=np.intp).reshape(-1, 2)
+            return ends, np.array([values for _, _, values in terms], dtype=float).reshape(-1, *shape)
+
+        pairs, pair_G = stacked(self.pairs, lanes, samples)
+        losses, power = stacked(self.powers, 3, lanes)
+        bodies, phase = stacked(self.phases, 4, lanes)
+        pair_nodes, power_node, phase_nodes = (np.searchsorted(active, each) for each in (pairs, losses[:, 0], bodies))
+        air_degC = self.boundary_degC[losses[:, 1]]
+        return Terms(known, fall, pair_nodes, pair_G, power_node, air_degC, power, phase_nodes, phase)
 
     def frozen(self, nodes_degC: Array) -> None:
         """Take all terms as they are along ``nodes_degC`` (n, N), the first nodes of this network: known heat."""

@@ -11,18 +11,18 @@ from numba import njit
 
 from ambient_trainer.data.trace import Array
 
-_STEEPEST = 5.0
-"""A loss grows by at most exp(5)."""
+_STEEPEST, _SMALLEST = 5.0, 0.02
+"""A loss grows by at most exp(5); below that share of the typical difference its power is taken there."""
 
 
 class Terms(NamedTuple):
     """Heat into k active nodes that follows from their temperatures.
 
     ``known`` and ``fall`` (P, k, N): heat at 0 degC, and by how much less per K. Between ``pair_nodes`` (m, 2) are
-    conductances ``pair_G`` (P, m, N). Node ``power_node`` (q,) loses
-    G |d/d0|^p d to the air at ``air_degC`` (q, N) instead of G d: ``power_G``, ``power`` and ``typical`` (P, q).
-    Between ``phase_nodes`` (r, 2) flows ``phase_G`` (P, r) times what lies below ``melting`` (r,), in a body whose heat
-    of fusion is ``fusion`` (P, r); ``sign`` (r,) is -1 where it begins solid.
+    conductances ``pair_G`` (m, P, N). Node ``power_node`` (q,) loses G |d/d0|^p d to the air at ``air_degC`` (q, N)
+    instead of G d; ``power`` (q, 3, P) holds G, d0 and p. Between ``phase_nodes`` (r, 2), a node and a body, flows G
+    times what lies below the melting point; ``phase`` (r, 4, P) holds G, the heat of fusion, the melting point, and -1
+    where the body begins solid, else 1.
     """
 
     known: Array
@@ -31,15 +31,9 @@ class Terms(NamedTuple):
     pair_G: Array
     power_node: Any
     air_degC: Array
-    power_G: Array
     power: Array
-    typical: Array
-    least: float
     phase_nodes: Any
-    phase_G: Array
-    fusion: Array
-    melting: Array
-    sign: Array
+    phase: Array
 
 
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -85,8 +79,7 @@ def answered(along, kept, before, now, into, out, terms):  # type: ignore[no-unt
     modes = np.zeros((lanes, count, samples))
     degC, heat = np.empty(nodes), np.empty(nodes)
     state, drive, last = np.empty(count), np.empty(count), np.empty(count)
-    known, fall, pair_nodes, pair_G, power_node, air_degC, power_G, power, typical, least = terms[:10]
-    phase_nodes, phase_G, fusion, melting, sign = terms[10:]
+    known, fall, pair_nodes, pair_G, power_node, air_degC, power, phase_nodes, phase = terms
     for lane in range(lanes):
         state[:] = 0.0
         # a run begins with the heat of its first sample
@@ -104,18 +97,19 @@ def answered(along, kept, before, now, into, out, terms):  # type: ignore[no-unt
                 heat[node] = known[lane, node, index] - fall[lane, node, index] * value
             for term in range(len(pair_nodes)):
                 one, other = pair_nodes[term, 0], pair_nodes[term, 1]
-                flow = pair_G[lane, term, index] * (degC[other] - degC[one])
+                flow = pair_G[term, lane, index] * (degC[other] - degC[one])
                 heat[one] += flow
                 heat[other] -= flow
             for term in range(len(power_node)):
                 node = power_node[term]
                 away = air_degC[term, index] - degC[node]
-                share = power[lane, term] * np.log(max(abs(away) / typical[lane, term], least))
-                heat[node] += power_G[lane, term] * np.expm1(min(max(share, -_STEEPEST), _STEEPEST)) * away
+                share = power[term, 2, lane] * np.log(max(abs(away) / power[term, 1, lane], _SMALLEST))
+                heat[node] += power[term, 0, lane] * np.expm1(min(max(share, -_STEEPEST), _STEEPEST)) * away
             for term in range(len(phase_nodes)):
                 node, body = phase_nodes[term, 0], phase_nodes[term, 1]
-                below = min(max(sign[term] * (melting[term] - degC[body]), 0.0), fusion[lane, term])
-                flow = sign[term] * phase_G[lane, term] * below
+                sign = phase[term, 3, lane]
+                below = min(max(sign * (phase[term, 2, lane] - degC[body]), 0.0), phase[term, 1, lane])
+                flow = sign * phase[term, 0, lane] * below
                 heat[node] += flow
                 heat[body] -= flow
             for mode in range(count):

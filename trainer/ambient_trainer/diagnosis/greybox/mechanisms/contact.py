@@ -1,11 +1,10 @@
 """A body of its own temperature holds on to a node for a while: a hand, a table, a pocket."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.mechanisms import Joined
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.scene import Scene
@@ -16,7 +15,7 @@ _BODY_DEGC, _BODY_SD_K = 33.0, 5.0
 
 
 @dataclass(frozen=True)
-class Contact(Mechanism):
+class Contact(Joined):
     """A conductance to a body, and the body's temperature, within a window."""
 
     cause = "contact"
@@ -25,13 +24,6 @@ class Contact(Mechanism):
     def apply(self, network: Network, values: Array, record: Record) -> None:
         conductance = values[:, :1, None] * self.weight(record)
         network.vary([network.index(self.places[0])], conductance, values[:, 1:2, None])
-
-    def probes(self) -> Sequence[Sequence[float]]:
-        return [[1e-3 * self.numbers[0].value, self.numbers[1].value]]
-
-    def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        share = float(np.clip(1e-3 * amounts[0], 0.05, 3.0))
-        return self.with_values([share * self.numbers[0].value, self.numbers[1].value])
 
 
 def begun(scene: Scene) -> Iterator[Mechanism]:

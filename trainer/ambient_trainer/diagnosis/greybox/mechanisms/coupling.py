@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.scene import Scene
@@ -16,7 +17,6 @@ from ambient_trainer.diagnosis.record import Record
 
 _LEAST = 0.03
 """Of a conductance: none becomes negative."""
-_PROBE = 0.02
 _MOST_LESS, _MOST_MORE, _SWEPT = 0.97, 19.0, 300.0
 """A loss goes down to next to nothing, and up to what a storm takes from still air's, or water that flows."""
 _FLOWS = ("_Hz", "_kg_s", "_g_s", "_m3_h", "_m3_s", "_L_min", "_L_h", "_L_s", "_l_min", "_l_h", "_l_s", "_lpm", "_gpm")
@@ -24,11 +24,12 @@ _FLOWS = ("_Hz", "_kg_s", "_g_s", "_m3_h", "_m3_s", "_L_min", "_L_h", "_L_s", "_
 
 
 @dataclass(frozen=True)
-class Coupling(Mechanism):
+class Coupling(InProportion):
     """A relative change of the loss; one number for all places, or one of each."""
 
     cause = "ambient_coupling"
     noun = "a changed resistance to the ambient"
+    step = 0.02
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = self.weight(record)
@@ -43,12 +44,8 @@ class Coupling(Mechanism):
             return
         network.vary(nodes.tolist(), conductance[:, :, None] * (factor - mean[:, :, None]), network.boundary_degC[air])
 
-    def probes(self) -> Sequence[Sequence[float]]:
-        return [[_PROBE * each.scale if each is number else 0.0 for each in self.numbers] for number in self.numbers]
-
-    def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        values = [np.clip(_PROBE * amount, -0.5, 2.0) * number.scale for amount, number in zip(amounts, self.numbers)]
-        return self.with_values(values) if any(values) else None
+    def begins(self, number: Number) -> tuple[float, float]:
+        return -0.5 * number.scale, 2.0 * number.scale
 
     @property
     def _switched(self) -> bool:

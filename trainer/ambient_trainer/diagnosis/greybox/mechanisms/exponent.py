@@ -1,28 +1,28 @@
 """The loss grows with a power of the difference: G |d/d0|^p d, as in free convection (p about 0.25) or radiation."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
-from ambient_trainer.diagnosis.greybox.network import Network, PowerLoss
+from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
 
-_PROBE = 0.02
-
 
 @dataclass(frozen=True)
-class Exponent(Mechanism):
+class Exponent(InProportion):
     """An exponent for each place; ``typical_degC`` is where the conductance is the circuit's own."""
 
     typical_degC: tuple[float, ...] = ()
 
     cause = "convection_law"
     noun = "a loss that is not proportional to the difference to the ambient"
+    step = 0.02
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         self._bend(network, values, np.tile(np.array(self.typical_degC, dtype=float), (len(values), 1)))
@@ -31,16 +31,7 @@ class Exponent(Mechanism):
         air = network.boundary(AMBIENT)
         for place, typical, exponent in zip(self.places, typical_degC.T, exponents.T):
             node = network.index(place)
-            network.powers.append(PowerLoss(node, air, network.loss[:, node, air], typical, exponent))
-
-    def probes(self) -> Sequence[Sequence[float]]:
-        return [[_PROBE if each is number else 0.0 for each in self.numbers] for number in self.numbers]
-
-    def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        values = [
-            float(np.clip(_PROBE * amount, number.low, number.high)) for amount, number in zip(amounts, self.numbers)
-        ]
-        return self.with_values(values) if any(values) else None
+            network.powers.append((node, air, np.array([network.loss[:, node, air], typical, exponent])))
 
 
 @dataclass(frozen=True)
@@ -53,15 +44,11 @@ class ChangedExponent(Exponent):
     shaped = True
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
-        count = len(self.places)
-        self._bend(network, np.repeat(values[:, :1], count, axis=1), np.repeat(values[:, 1:], count, axis=1))
+        exponent, same_at = (np.repeat(each[:, None], len(self.places), axis=1) for each in values.T)
+        self._bend(network, exponent, same_at)
 
-    def probes(self) -> Sequence[Sequence[float]]:
-        return [[_PROBE, self.numbers[1].value]]
-
-    def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        exponent = float(np.clip(_PROBE * amounts[0], self.numbers[0].low / 2, self.numbers[0].high / 2))
-        return self.with_values([exponent, self.numbers[1].value]) if exponent else None
+    def begins(self, number: Number) -> tuple[float, float]:
+        return number.low / 2, number.high / 2
 
 
 def changed(scene: Scene) -> Iterator[Mechanism]:

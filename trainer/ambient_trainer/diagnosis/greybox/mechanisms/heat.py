@@ -9,6 +9,7 @@ from ambient_trainer.circuits.addition import with_source
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.scene import Scene
@@ -24,11 +25,12 @@ heated in none, and in four it went along with what did."""
 
 
 @dataclass(frozen=True)
-class Heat(Mechanism):
+class Heat(InProportion):
     """q_i = k_i w(t): a number of each place."""
 
     cause = "heat_source"
     noun = "heat that the circuit does not know"
+    from_nothing = True
 
     @property
     def key(self) -> tuple[str, tuple[str, ...], str]:
@@ -53,14 +55,9 @@ class Heat(Mechanism):
         for place, column in zip(self.places, values.T):
             network.heat.append((network.index(place), column, weight))
 
-    def probes(self) -> Sequence[Sequence[float]]:
-        return [[number.scale if each is number else 0.0 for each in self.numbers] for number in self.numbers]
-
-    def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        values = [amount * number.scale for amount, number in zip(amounts, self.numbers)]
+    def begins(self, number: Number) -> tuple[float, float]:
         # what may only warm starts by a little where a linear fit would have it cool: the circuit may move
-        least = [number.low if number.low < 0 else 0.1 * number.scale for number in self.numbers]
-        return self.with_values([max(value, low) for value, low in zip(values, least)])
+        return (number.low if number.low < 0 else 0.1 * number.scale), np.inf
 
     def native(self, circuit: Circuit) -> Circuit | None:
         driver = self.driver

@@ -4,24 +4,24 @@ Its enthalpy, in kelvin of its own heat capacity, is the state z; the body is at
 T0 while z falls by the heat of fusion L, and is at z + L below. Where it begins solid, z is counted from there.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.mechanisms import Joined
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number, unused
-from ambient_trainer.diagnosis.greybox.network import Network, PhaseChange
+from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
 
-_PROBE = 1e-3
 _FUSION_K = 80.0
 """Water: 334 kJ/kg over 4.2 kJ/(kg K)."""
 
 
 @dataclass(frozen=True)
-class Latent(Mechanism):
+class Latent(Joined):
     """A conductance to the body, the time constant behind it, and its heat of fusion; ``melting_degC`` is given."""
 
     melting_degC: float = 0.0
@@ -29,8 +29,8 @@ class Latent(Mechanism):
 
     cause = "latent_heat"
     noun = "a body that freezes or melts"
-    adds_nodes = True
-    shaped = True
+    adds_nodes = shaped = True
+    least = 0.3
 
     @property
     def doubtful(self) -> bool:
@@ -40,16 +40,10 @@ class Latent(Mechanism):
     def apply(self, network: Network, values: Array, record: Record) -> None:
         node = network.index(self.places[0])
         conductance, lag, fusion = values.T
+        melting_degC, sign = np.full_like(fusion, self.melting_degC), np.full_like(fusion, -1.0 if self.melts else 1.0)
         body = network.add_node(unused(network, f"{self.places[0]}_phase"), conductance * lag)
         network.join(node, body, conductance)
-        network.phases.append(PhaseChange(node, body, conductance, fusion, self.melting_degC, self.melts))
-
-    def probes(self) -> Sequence[Sequence[float]]:
-        return [[_PROBE * self.numbers[0].value, *(each.value for each in self.numbers[1:])]]
-
-    def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        share = float(np.clip(_PROBE * amounts[0], 0.3, 3.0))
-        return self.with_values([share * self.numbers[0].value, *(each.value for each in self.numbers[1:])])
+        network.phases.append((node, body, np.array([conductance, fusion, melting_degC, sign])))
 
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:

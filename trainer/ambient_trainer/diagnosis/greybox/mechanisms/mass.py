@@ -27,71 +27,52 @@ class HiddenMass(Mechanism):
 
     sees_ambient: bool = False
 
-    adds_nodes = True
-    shaped = True
     cause = "thermal_mass"
     noun = "a thermal mass that the circuit lacks"
+    adds_nodes = shaped = True
 
     @property
     def structural(self) -> bool:
         return self.lasts or self.sees_ambient or len(self.places) > 1
 
-    def apply(self, network: Network, values: Array, record: Record) -> None:
-        each = 3 if self.sees_ambient else 2
-        for index, place in enumerate(self.places):
-            conductance, lag = values[:, each * index], values[:, each * index + 1]
-            name = unused(network, f"{place}_mass")
-            mass = network.add_node(name, conductance * lag)
-            if self.lasts:
-                network.join(mass, network.index(place), conductance)
-            else:
-                self._put(network, mass, network.index(place), values[:, each * index : each * index + 2], record)
-            if self.sees_ambient:
-                air = network.boundary(AMBIENT)
-                network.to_boundary[:, mass, air] += values[:, each * index + 2]
-                network.loss[:, mass, air] += values[:, each * index + 2]
+    @property
+    def _values(self) -> Array:
+        """Its numbers, by place (p, 2 or 3)."""
+        return np.array([each.value for each in self.numbers]).reshape(len(self.places), 2 + self.sees_ambient)
 
-    def _put(self, network: Network, mass: int, node: int, values: Array, record: Record) -> None:
-        """It holds on within the window, and follows the air before and after."""
-        conductance, weight = values[:, 0], self.weight(record)
-        network.pairs.append((mass, node, conductance[:, None] * weight))
-        if AMBIENT in network.boundaries:
-            loose = (conductance * values[:, 1] / _AIRED_S)[:, None, None] * (1.0 - weight)
-            network.vary([mass], loose, network.boundary_degC[network.boundary(AMBIENT)])
+    def apply(self, network: Network, values: Array, record: Record) -> None:
+        weight = None if self.lasts else self.weight(record)
+        by_place = values.T.reshape(len(self.places), 2 + self.sees_ambient, -1)
+        for place, (conductance, lag, *to_air) in zip(self.places, by_place):
+            body = unused(network, f"{place}_mass")
+            mass = network.add_node(body, conductance * lag)
+            network.link(body, place, conductance, weight)
+            if weight is not None and AMBIENT in network.boundaries:
+                # before it holds on and after it follows the air
+                network.link(body, AMBIENT, conductance * lag / _AIRED_S, 1.0 - weight)
+            for each in to_air:
+                network.link(body, AMBIENT, each)
+                network.loss[:, mass, network.boundary(AMBIENT)] += each
 
     def probes(self) -> Sequence[Sequence[float]]:
-        each = 3 if self.sees_ambient else 2
-        probes = []
-        for index in range(len(self.places)):
-            values = [number.value for number in self.numbers]
-            # the others are as good as absent
-            for other in range(len(self.places)):
-                values[each * other] *= _PROBE if other == index else 1e-6 * _PROBE
-            if self.sees_ambient:
-                values[each * index + 2] *= _PROBE
-            probes.append(values)
-        return probes
+        count = len(self.places)
+        probes, own = np.tile(self._values, (count, 1, 1)), np.eye(count, dtype=bool)
+        probes[own, 0::2] *= _PROBE
+        # the others are as good as absent
+        probes[~own, 0] *= 1e-6 * _PROBE
+        return probes.reshape(count, -1).tolist()
 
     def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        each = 3 if self.sees_ambient else 2
-        values = [number.value for number in self.numbers]
-        for index, amount in enumerate(amounts):
-            # to first order a second mass may seem to take heat from the first: it starts small, and the fit decides
-            share = float(np.clip(_PROBE * amount, 0.1, 3.0))
-            values[each * index] *= share
-            if self.sees_ambient:
-                values[each * index + 2] *= share
-        return self.with_values(values)
+        values = self._values
+        # to first order a second mass may seem to take heat from the first: it starts small, and the fit decides
+        values[:, 0::2] *= np.clip(_PROBE * np.array(amounts), 0.1, 3.0)[:, None]
+        return self.with_values(values.ravel().tolist())
 
     def native(self, circuit: Circuit) -> Circuit | None:
-        each = 3 if self.sees_ambient else 2
-        for index, place in enumerate(self.places):
-            conductance, lag = (number.value for number in self.numbers[each * index : each * index + 2])
-            nodes = len(circuit.nodes)
+        for place, (conductance, lag, *to_air) in zip(self.places, self._values.tolist()):
             circuit = with_body(circuit, place, conductance * lag, 1.0 / conductance)
-            if self.sees_ambient:
-                body = circuit.nodes[nodes].name
-                circuit = with_edge(circuit, body, AMBIENT, 1.0 / self.numbers[each * index + 2].value)
+            for each in to_air:
+                circuit = with_edge(circuit, circuit.nodes[-1].name, AMBIENT, 1.0 / each)
         return circuit
 
     @property
@@ -109,11 +90,8 @@ class HiddenMass(Mechanism):
         return f"heat capacity of the mass behind {self.places[0]}", "J/K", (0, 1)
 
     def meaning(self, number: Number) -> str:
-        place = number.name.split("_", 1)[1].removesuffix("_ambient").removesuffix("_mass")
-        if number.name.startswith("lag_"):
-            return f"time constant of the mass behind {place}"
-        other = "the ambient" if number.name.endswith("_ambient") else place
-        return f"conductance between {other} and the mass behind {place}"
+        place = number.name.removeprefix("G_").removesuffix("_mass")
+        return f"conductance between {place} and the mass behind {place}"
 
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:
@@ -142,10 +120,8 @@ def _mass(scene: Scene, places: tuple[str, ...], lag_s: float, sees_ambient: boo
     numbers: list[Number] = []
     for each in places:
         conductance = scene.conductance(each)
-        numbers.append(Number(f"G_{each}_mass", "W/K", conductance, log=True))
-        numbers.append(
-            Number(f"lag_{each}_mass", "s", lag_s, log=True, low=scene.period_s / 3, high=_SLOWEST * scene.longest_s)
-        )
-        if sees_ambient:
-            numbers.append(Number(f"G_{each}_mass_ambient", "W/K", conductance / 2, log=True))
+        joined = Number(f"G_{each}_mass", "W/K", conductance, log=True)
+        lag = Number(f"lag_{each}_mass", "s", lag_s, True, low=scene.period_s / 3, high=_SLOWEST * scene.longest_s)
+        airy = Number(f"G_{each}_mass_ambient", "W/K", conductance / 2, log=True)
+        numbers += [joined, lag, airy][: 2 + sees_ambient]
     return HiddenMass(places, tuple(numbers), sees_ambient=sees_ambient)

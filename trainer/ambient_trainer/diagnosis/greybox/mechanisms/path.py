@@ -1,13 +1,12 @@
 """A path between two nodes that the circuit does not join, or from a node to a body whose temperature is logged."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from ambient_trainer.circuits.addition import with_edge
 from ambient_trainer.circuits.circuit import Circuit, Node
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.mechanisms import Joined
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.scene import Scene
@@ -18,7 +17,7 @@ _PROBES = 1e-3, 1.0
 
 
 @dataclass(frozen=True)
-class Path(Mechanism):
+class Path(Joined):
     """A conductance between ``ends``."""
 
     ends: tuple[str, str] = ("", "")
@@ -27,30 +26,13 @@ class Path(Mechanism):
 
     cause = "path"
     noun = "a conduction path that the circuit lacks"
+    least = 0.03
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         one, other = self.ends
-        conductance, weight = values[:, 0], self.weight(record)
-        if other in network.nodes:
-            if self.lasts:
-                network.join(network.index(one), network.index(other), conductance)
-            else:
-                network.pairs.append((network.index(one), network.index(other), conductance[:, None] * weight))
-            return
-        if other not in network.boundaries:
+        if other not in (*network.nodes, *network.boundaries):
             network.add_boundary(other, record.signals[f"{other}_degC"])
-        beyond = network.boundary(other)
-        if self.lasts:
-            network.to_boundary[:, network.index(one), beyond] += conductance
-        else:
-            varying = conductance[:, None, None] * weight
-            network.vary([network.index(one)], varying, network.boundary_degC[beyond])
-
-    def probes(self) -> Sequence[Sequence[float]]:
-        return [[self.probe * self.numbers[0].value]]
-
-    def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        return self.with_values([float(np.clip(self.probe * amounts[0], 0.03, 3.0)) * self.numbers[0].value])
+        network.link(one, other, values[:, 0], None if self.lasts else self.weight(record))
 
     @property
     def responds(self) -> bool:

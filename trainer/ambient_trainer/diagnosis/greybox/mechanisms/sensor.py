@@ -7,6 +7,7 @@ import numpy as np
 
 from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number, window
 from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.scene import Scene
@@ -16,30 +17,14 @@ from ambient_trainer.lti.lag import lagged
 _HOUR_S = 3600.0
 
 
-@dataclass(frozen=True)
-class _Linear(Mechanism):
-    """A number, of each place where there are several, which acts in proportion."""
+class _Fault(InProportion):
+    """What a sensor reads is off within a window."""
 
     instrument = True
 
-    def probes(self) -> Sequence[Sequence[float]]:
-        return [[number.scale if each is number else 0.0 for each in self.numbers] for number in self.numbers]
-
-    def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        given = zip(amounts, self.numbers)
-        values = [float(np.clip(amount * number.scale, number.low, number.high)) for amount, number in given]
-        return self.with_values(values) if any(values) else None
-
-
-@dataclass(frozen=True)
-class _Fault(_Linear):
-    """What a sensor reads is off within a window."""
-
     def apply(self, network: Network, values: Array, record: Record) -> None:
-        sensors, weight = (
-            [network.sensors.index(each) for each in self.places],
-            window(record, self.onset_s, self.end_s),
-        )
+        sensors = [network.sensors.index(each) for each in self.places]
+        weight = window(record, self.onset_s, self.end_s)
 
         def reading(read: Array) -> None:
             for sensor, value in zip(sensors, values.T):
@@ -106,12 +91,12 @@ class Lag(_Fault):
 
 
 @dataclass(frozen=True)
-class Clock(_Linear):
+class Clock(InProportion):
     """The reference's clock is ahead of the device's by so much: its true value comes later in the log."""
 
     cause = "clock_offset"
     noun = "a clock offset between the reference and the device"
-    shaped = True
+    instrument = shaped = True
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         air = network.boundary(AMBIENT)
@@ -127,8 +112,7 @@ class Stuck(_Fault):
 
     cause = "sensor_stuck"
     noun = "a sensor that stands still"
-    evident = True
-    shaped = True
+    evident = shaped = True
 
     def error(self, own: Array, value: Array, record: Record) -> Array:
         return np.asarray(value - own)
