@@ -35,6 +35,11 @@ class Samples:
     columns: Mapping[str, Array]
     period_s: float
 
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of a column."""
+        return next(iter(self.columns.values())).shape
+
 
 @dataclass(frozen=True)
 class Expression:
@@ -86,11 +91,7 @@ class Expression:
     def value(self, samples: Samples) -> Array:
         """Its value at each sample, (N,); raises :class:`Refused` where a column is missing."""
         result = _value(_parsed(self.text).body, samples, self.text)
-        return np.broadcast_to(np.asarray(result, dtype=float), (_count(samples),))
-
-
-def _count(samples: Samples) -> int:
-    return len(next(iter(samples.columns.values())))
+        return np.broadcast_to(np.asarray(result, dtype=float), samples.shape)
 
 
 @lru_cache(maxsize=4096)
@@ -102,25 +103,17 @@ def _parsed(text: str) -> ast.Expression:
         raise refuse("expression", repr(text), "cannot be read", _HINT) from None
 
 
-def _rate(samples: Samples, row: Array) -> Array:
-    return np.asarray(np.gradient(row, samples.period_s))
-
-
-def _lag(samples: Samples, row: Array, seconds: Array) -> Array:
-    return lagged(row, float(seconds), samples.period_s) if seconds else row
-
-
-def _delay(samples: Samples, row: Array, seconds: Array) -> Array:
-    time_s = samples.period_s * np.arange(len(row))
-    return np.asarray(np.interp(time_s - float(seconds), time_s, row))
+def _delayed(row: Array, seconds: float, period_s: float) -> Array:
+    time_s = period_s * np.arange(len(row))
+    return np.asarray(np.interp(time_s - seconds, time_s, row))
 
 
 _FUNCTIONS: Mapping[str, Callable[..., Array]] = {
-    "sqrt": lambda samples, row: np.sqrt(np.maximum(row, 0.0)),
-    "abs": lambda samples, row: np.abs(row),
-    "rate": _rate,
-    "lag": _lag,
-    "delay": _delay,
+    "sqrt": lambda period_s, row: np.sqrt(np.maximum(row, 0.0)),
+    "abs": lambda period_s, row: np.abs(row),
+    "rate": lambda period_s, row: np.gradient(row, period_s),
+    "lag": lambda period_s, row, seconds: lagged(row, float(seconds), period_s) if seconds else row,
+    "delay": lambda period_s, row, seconds: _delayed(row, float(seconds), period_s),
 }
 _OPERATORS: Mapping[type[ast.AST], Callable[[Array, Array], Array]] = {
     ast.Add: np.add,
@@ -134,22 +127,22 @@ _OPERATORS: Mapping[type[ast.AST], Callable[[Array, Array], Array]] = {
 
 
 def _value(node: ast.AST, samples: Samples, text: str) -> Array:
-    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
-        return np.asarray(float(node.value))
-    if isinstance(node, ast.Name):
-        if node.id not in samples.columns:
+    match node:
+        case ast.Constant(value=int() | float() as number):
+            return np.asarray(float(number))
+        case ast.Name(id=name) if name in samples.columns:
+            return samples.columns[name]
+        case ast.Name(id=name):
             known = ", ".join(samples.columns)
-            raise refuse("expression", repr(text), f"no column {node.id!r}", f"the trace has {known}")
-        return samples.columns[node.id]
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-        return -_value(node.operand, samples, text)
-    if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
-        return _OPERATORS[type(node.op)](_value(node.left, samples, text), _value(node.right, samples, text))
-    if isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in _OPERATORS:
-        sides = _value(node.left, samples, text), _value(node.comparators[0], samples, text)
-        return np.asarray(_OPERATORS[type(node.ops[0])](*sides), dtype=float)
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS:
-        return _called(node.func.id, [_value(each, samples, text) for each in node.args], samples, text)
+            raise refuse("expression", repr(text), f"no column {name!r}", f"the trace has {known}")
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return -_value(operand, samples, text)
+        case ast.BinOp(left=left, op=op, right=right) | ast.Compare(left=left, ops=[op], comparators=[right]) if (
+            type(op) in _OPERATORS
+        ):
+            return np.asarray(_OPERATORS[type(op)](_value(left, samples, text), _value(right, samples, text)), float)
+        case ast.Call(func=ast.Name(id=name), args=given) if name in _FUNCTIONS:
+            return _called(name, [_value(each, samples, text) for each in given], samples, text)
     raise refuse("expression", repr(text), "cannot be read", _HINT)
 
 
@@ -160,4 +153,4 @@ def _called(name: str, given: Sequence[Array], samples: Samples, text: str) -> A
     row, *seconds = given
     if any(each.shape or not 0 <= each < np.inf for each in seconds):
         raise refuse("expression", repr(text), f"{name} takes seconds as a number of 0 or more", _HINT)
-    return _FUNCTIONS[name](samples, np.broadcast_to(row, (_count(samples),)), *seconds)
+    return _FUNCTIONS[name](samples.period_s, np.broadcast_to(row, samples.shape), *seconds)

@@ -1,9 +1,7 @@
 """Mechanisms in a circuit's file: as nodes, edges and sources where a circuit has them, else under ``mechanisms``."""
 
-from collections.abc import Sequence
 from dataclasses import fields, replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +15,8 @@ from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism, Number
 from ambient_trainer.diagnosis.record import Record
 
-_OWN = {"places", "numbers", "driver", "onset_s", "end_s"}
+_OWN = {each.name for each in fields(Mechanism)}
+_OF_A_NUMBER = ("unit", "value", "log", "scale")
 _SUFFIX = "_extended"
 
 
@@ -58,12 +57,9 @@ def _added(circuit: Circuit, model: GreyBox) -> tuple[list[Addition], Circuit]:
 
 def addition_of(mechanism: Mechanism) -> Addition:
     """A mechanism as a circuit holds it."""
-    settings = {each.name: getattr(mechanism, each.name) for each in fields(mechanism) if each.name not in _OWN}
-    settings = {name: list(value) if isinstance(value, tuple) else value for name, value in settings.items()}
-    numbers = {
-        each.name: {"unit": each.unit, "value": each.value, "log": each.log, "scale": each.scale}
-        for each in mechanism.numbers
-    }
+    given = {each.name: getattr(mechanism, each.name) for each in fields(mechanism) if each.name not in _OWN}
+    settings = {name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}
+    numbers = {each.name: {name: getattr(each, name) for name in _OF_A_NUMBER} for each in mechanism.numbers}
     driver = None if mechanism.driver is None else mechanism.driver.text
     kind, window = type(mechanism).__name__, (mechanism.onset_s, mechanism.end_s)
     return Addition(kind, mechanism.places, driver, *window, numbers, settings)
@@ -77,10 +73,7 @@ def mechanism_of(addition: Addition, source: str) -> Mechanism:
     known = {each.name for each in fields(kind)} - _OWN
     if unknown := set(addition.settings) - known:
         raise refuse(source, f"mechanisms.{addition.kind}", f"unknown setting {sorted(unknown)[0]!r}", "remove it")
-    settings: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
-        for name, value in addition.settings.items()
-    }
+    settings = {name: tuple(value) if isinstance(value, list) else value for name, value in addition.settings.items()}
     numbers = tuple(Number(name, **given) for name, given in addition.numbers.items())
     driver = None if addition.by is None else Expression(addition.by)
     return kind(addition.at, numbers, driver, addition.from_s, addition.to_s, **settings)
