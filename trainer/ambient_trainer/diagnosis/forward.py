@@ -15,9 +15,10 @@ REFERENCE_SENSOR = "ambient"
 
 def forward(circuit: Circuit) -> Circuit:
     """``circuit`` with the ambient prescribed and every sensor on a state as an output; raises :class:`Refused`."""
-    nodes = tuple(_prescribed(node) for node in circuit.nodes)
-    if any(AMBIENT in edge.between for edge in circuit.edges) and all(node.name != AMBIENT for node in nodes):
-        nodes = (*nodes, Node(AMBIENT, None, REFERENCE_SENSOR))
+    ambient = Node(AMBIENT, None, REFERENCE_SENSOR)
+    nodes = tuple(ambient if node.name == AMBIENT else node for node in circuit.nodes)
+    if any(AMBIENT in edge.between for edge in circuit.edges) and ambient not in nodes:
+        nodes = (*nodes, ambient)
     if all(node.capacitance is not None for node in nodes):
         raise refuse(
             circuit.name, "nodes", "nothing is prescribed", "join a node to the ambient: heat must have a way out"
@@ -32,7 +33,3 @@ def forward(circuit: Circuit) -> Circuit:
     used |= {source.share for source in circuit.sources}
     kept = tuple(each for each in circuit.parameters if each.name in used)
     return replace(circuit, form="temperature", nodes=nodes, outputs=outputs, parameters=(*kept, unit))
-
-
-def _prescribed(node: Node) -> Node:
-    return replace(node, capacitance=None, sensor=REFERENCE_SENSOR) if node.name == AMBIENT else node

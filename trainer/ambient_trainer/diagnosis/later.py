@@ -59,11 +59,10 @@ def later_errors(bare: Circuit, extended: Circuit | None, traces: Sequence[Trace
     scored = np.isfinite(before)
     if not scored.any():
         raise _nothing_later(traces, from_s)
-    after = before
-    if extended is not None:
-        after = _residual_degC(parse_circuit(write_circuit(extended), extended.name), traces, from_s)
-    samples = int(scored.any(axis=0).sum())
-    return Later(from_s, _rmse(before), _rmse(after), samples)
+    read_again = extended and parse_circuit(write_circuit(extended), extended.name)
+    after = before if read_again is None else _residual_degC(read_again, traces, from_s)
+    bare_degC, extended_degC = (float(np.sqrt(np.nanmean(each**2))) for each in (before, after))
+    return Later(from_s, bare_degC, extended_degC, int(scored.any(axis=0).sum()))
 
 
 def require_later(traces: Sequence[Trace], from_s: float) -> None:
@@ -75,10 +74,6 @@ def require_later(traces: Sequence[Trace], from_s: float) -> None:
 def _nothing_later(traces: Sequence[Trace], from_s: float) -> Refused:
     problem = f"no sensor is read from {from_s:.10g} s on"
     return refuse("--later", ", ".join(trace.path for trace in traces), problem, "choose an earlier time")
-
-
-def _rmse(residual_degC: Array) -> float:
-    return float(np.sqrt(np.nanmean(residual_degC**2)))
 
 
 def _residual_degC(circuit: Circuit, traces: Sequence[Trace], from_s: float) -> Array:

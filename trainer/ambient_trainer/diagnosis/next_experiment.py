@@ -4,10 +4,11 @@ Both models are simulated from rest through every step of one logged input, or o
 step after which a sensor differs most, in units of what is left there, is proposed.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.findings import cause_of, left_degC
@@ -107,16 +108,14 @@ def _largest(one: Fitted, other: Fitted) -> Difference | None:
 
 
 def _difference(
-    one: Fitted, other: Fitted, column: str, level: float, sd: Array, seen_degC: tuple[float, float]
+    one: Fitted, other: Fitted, column: str, rest: float, level: float, sd: Array, seen_degC: tuple[float, float]
 ) -> Difference | None:
     """Where the two differ most before a sensor leaves the range of the log, and some."""
-    rest = _rest(one)
-    record = _planned(one, {name: (each, level if name == column else each) for name, each in rest.items()})
+    record = _planned(one, column, level)
     reads = np.stack([_simulated(each.model, record) for each in (one, other)])
     if not np.isfinite(reads).all():
         return None
-    half = record.samples // 2
-    after = reads[:, :, half:]
+    after = reads[:, :, _SAMPLES:]
     inside = np.logical_and.accumulate(((after > seen_degC[0]) & (after < seen_degC[1])).all(axis=(0, 1)))
     apart = np.abs(after[0] - after[1]) / sd[:, None] * inside
     if not inside.any():
@@ -124,7 +123,7 @@ def _difference(
     sensor, index = np.unravel_index(np.argmax(apart > 0.9 * apart.max()), apart.shape)
     readings = float(after[0, sensor, index]), float(after[1, sensor, index])
     name, after_s = one.model.circuit.outputs[sensor].name, float(index + 1) * record.period_s
-    return Difference(column, rest[column], level, name, after_s, readings, float(sd[sensor]))
+    return Difference(column, rest, level, name, after_s, readings, float(sd[sensor]))
 
 
 def _simulated(model: GreyBox, record: Record) -> Array:
@@ -135,52 +134,42 @@ def _simulated(model: GreyBox, record: Record) -> Array:
     return simulate(model, record, model.z()[None], np.full((1, nodes), _STARTS_DEGC))[0]
 
 
-def _planned(one: Fitted, levels: Mapping[str, tuple[float, float]]) -> Record:
-    """A record with every column at its first level for a half, and at the second for the other."""
+def _planned(one: Fitted, column: str, level: float) -> Record:
+    """A record with every column at rest, and one of them at a level from its middle on."""
     period_s = max(_LONGEST_S, _LONGEST_PERIODS * one.records[0].period_s) / _SAMPLES
-    time_s: Array = period_s * np.arange(2 * _SAMPLES, dtype=np.float64)
-    columns = {name: np.repeat(both, _SAMPLES) for name, both in levels.items()}
+    columns = {name: np.full(2 * _SAMPLES, rest) for name, (rest, _) in _levels(one).items()}
+    columns[column][_SAMPLES:] = level
     inputs = np.array([columns[name] for name in one.model.circuit.inputs])
-    sensors = np.full((len(one.model.circuit.outputs), len(time_s)), np.nan)
-    return Record(period_s, time_s, inputs, sensors, columns)
+    sensors = np.full((len(one.model.circuit.outputs), 2 * _SAMPLES), np.nan)
+    return Record(period_s, period_s * np.arange(2 * _SAMPLES, dtype=np.float64), inputs, sensors, columns)
 
 
-def _logged(one: Fitted) -> Mapping[str, Array]:
-    """All columns of all records: inputs and signals."""
-    inputs = one.model.circuit.inputs
-    rows = {name: [record.inputs[at] for record in one.records] for at, name in enumerate(inputs)}
-    rows |= {name: [record.signals[name] for record in one.records] for name in one.records[0].signals}
-    return {name: np.concatenate(parts) for name, parts in rows.items()}
-
-
-def _rest(one: Fitted) -> dict[str, float]:
-    """Temperatures at their medians, all else as near to nothing as was seen."""
-    rest = {}
-    for name, row in _logged(one).items():
+def _levels(one: Fitted) -> dict[str, tuple[float, list[float]]]:
+    """Where each input and signal rests, and to which levels it may be taken: temperatures rest at their medians and
+    move by some K, all else rests as near to nothing as was seen, and goes to the ends of that."""
+    inputs, found = one.model.circuit.inputs, {}
+    logged = pd.concat([pd.DataFrame({**dict(zip(inputs, each.inputs)), **each.signals}) for each in one.records])
+    for name, row in logged.items():
         low, high = np.quantile(row, _USUAL)
-        rest[name] = float(round(np.median(row))) if name.endswith("_degC") else float(min(max(0.0, low), high))
-    return rest
+        rest = float(round(np.median(row))) if name.endswith("_degC") else float(min(max(0.0, low), high))
+        steps = [rest + step for step in _STEPS_K]
+        found[name] = rest, steps if name.endswith("_degC") else [float(f"{each:.2g}") for each in (low, high)]
+    return found
 
 
-def _switches(one: Fitted, other: Fitted) -> Iterator[tuple[str, float]]:
-    """Every input of the circuit and every driver of the two, to the ends of what was seen; temperatures by some K."""
-    logged, rest = _logged(one), _rest(one)
+def _switches(one: Fitted, other: Fitted) -> Iterator[tuple[str, float, float]]:
+    """Every input of the circuit and every driver of the two: where it rests, and the level to which it is taken."""
     drivers = [each.driver for model in (one.model, other.model) for each in model.mechanisms]
     names = [*one.model.circuit.inputs, *(name for each in drivers if each is not None for name in each.columns)]
-    for name in dict.fromkeys(names):
-        if name.endswith("_degC"):
-            levels = [rest[name] + step for step in _STEPS_K]
-        else:
-            levels = [float(f"{each:.2g}") for each in np.quantile(logged[name], _USUAL)]
-        yield from ((name, level) for level in levels if level != rest[name])
+    for name, (rest, levels) in ((name, _levels(one)[name]) for name in dict.fromkeys(names)):
+        yield from ((name, rest, level) for level in levels if level != rest)
 
 
 def _survey(final: Fitted) -> str:
     """Every input by itself; the sensor to watch is the one that is most off."""
-    off = np.sqrt(np.nanmean(left_degC(final) ** 2, axis=1))
-    worst, rest = int(np.argmax(off)), _rest(final)
-    columns = [f"`{name}`" for name in final.model.circuit.inputs if name in rest]
+    off, circuit = np.sqrt(np.nanmean(left_degC(final) ** 2, axis=1)), final.model.circuit
+    worst, columns = int(np.argmax(off)), ", ".join(f"`{name}`" for name in circuit.inputs)
     return (
-        f"From rest, change {', '.join(columns)} one at a time and back again, and log what else goes on at"
-        f" `{final.model.circuit.outputs[worst].name}`, where {digits(off[worst], 2)} degC are unexplained."
+        f"From rest, change {columns} one at a time and back again, and log what else goes on at"
+        f" `{circuit.outputs[worst].name}`, where {digits(off[worst], 2)} degC are unexplained."
     )

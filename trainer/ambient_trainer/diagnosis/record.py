@@ -87,21 +87,16 @@ def records(
 
 def records_of(circuit: Circuit, trace: Trace, period_s: float) -> list[Record]:
     """The records of a trace, with the inputs and sensors of a forward circuit."""
-    return records(trace, circuit.inputs, _columns(circuit), period_s, circuit.hold)
+    return records(trace, circuit.inputs, [each.column for each in circuit.outputs], period_s, circuit.hold)
 
 
 def finely_simulated(circuit: Circuit, trace: Trace, period_s: float) -> list[Record]:
     """As :func:`records_of`, but simulated in the log's own samples, or in as few of them as ``MOST_STEPS`` allows."""
-    every, sensors = _every(trace, period_s), _columns(circuit)
+    every, sensors = _every(trace, period_s), [each.column for each in circuit.outputs]
     held = straight(trace, sensors, circuit.hold)
     fine = _on_grid(held, circuit.inputs, sensors, period_s / every, bridge_limit_s(period_s))
-    return [_averaged(each, every) for each in fine if each.samples >= _FEWEST * every] or records_of(
-        circuit, trace, period_s
-    )
-
-
-def _columns(circuit: Circuit) -> list[str]:
-    return [output.column for output in circuit.outputs]
+    long_enough = [_averaged(each, every) for each in fine if each.samples >= _FEWEST * every]
+    return long_enough or records_of(circuit, trace, period_s)
 
 
 def _every(trace: Trace, period_s: float) -> int:
@@ -135,19 +130,15 @@ def _averaged(fine: Record, every: int) -> Record:
     """A sample to ``every`` steps of a record, as many as are whole."""
     if every == 1:
         return fine
-    steps = fine.samples // every * every
-    time_s, inputs, sensors = (row[..., :steps] for row in (fine.time_s, fine.inputs, fine.sensors))
-    signals = {name: row[:steps] for name, row in fine.signals.items()}
+    whole = slice(fine.samples // every * every)
+    time_s, inputs, sensors = (row[..., whole] for row in (fine.time_s, fine.inputs, fine.sensors))
+    signals = {name: row[whole] for name, row in fine.signals.items()}
     known = np.isfinite(sensors)
     read, share = averaged(np.where(known, sensors, 0.0), every), averaged(known.astype(float), every)
-    return Record(
-        fine.period_s * every,
-        averaged(time_s, every),
-        averaged(inputs, every),
-        np.where(share > 0, read / np.where(share > 0, share, 1.0), np.nan),
-        {name: averaged(row, every) for name, row in signals.items()},
-        fine=replace(fine, time_s=time_s, inputs=inputs, sensors=sensors, signals=signals),
-    )
+    read = np.where(share > 0, read / np.where(share > 0, share, 1.0), np.nan)
+    coarse = {name: averaged(row, every) for name, row in signals.items()}
+    cut = replace(fine, time_s=time_s, inputs=inputs, sensors=sensors, signals=signals)
+    return Record(fine.period_s * every, averaged(time_s, every), averaged(inputs, every), read, coarse, fine=cut)
 
 
 def averaged(rows: Array, every: int) -> Array:
@@ -186,7 +177,4 @@ def means(trace: Trace, period_s: float) -> Trace:
 
 def bridged(row: Array) -> Array:
     """``row`` (N,) with straight lines over its gaps; zero where nothing is known."""
-    known = ~np.isnan(row)
-    if not known.any():
-        return np.zeros_like(row)
-    return np.interp(np.arange(len(row)), np.flatnonzero(known), row[known])
+    return pd.Series(row).interpolate(limit_direction="both").fillna(0.0).to_numpy(copy=True)
