@@ -5,8 +5,7 @@ import pytest
 from scipy import stats
 from scipy.signal import lfilter
 
-from ambient_trainer.diagnosis.residual_tests import residual_tests
-from ambient_trainer.diagnosis.residual_tests.all_tests import residual_memory_s
+from ambient_trainer.diagnosis.residual_tests import residual_memory_s, residual_tests
 from ambient_trainer.diagnosis.residual_tests.dependence import thresholds
 from ambient_trainer.diagnosis.residual_tests.memory import past, remembered, simulated, whitening
 from ambient_trainer.diagnosis.residual_tests.whiteness import autocorrelation, cumulated_periodogram, ljung_box
