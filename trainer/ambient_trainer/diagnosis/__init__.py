@@ -18,25 +18,3 @@ from ambient_trainer.diagnosis.result import (
     Tested,
 )
 from ambient_trainer.diagnosis.words import digits, duration
-
-__all__ = [
-    "NONE",
-    "UNKNOWN",
-    "Cause",
-    "Diagnosis",
-    "Gain",
-    "KnownGood",
-    "Magnitude",
-    "Misfit",
-    "Ranked",
-    "Step",
-    "Tested",
-    "diagnose",
-    "diagnose_changed",
-    "digits",
-    "duration",
-    "forward",
-    "learn_known_good",
-    "records_of",
-    "report_of",
-]

@@ -1,9 +1,7 @@
 """The plots of a diagnosis: measured and simulated, the heat that would explain the difference, residuals, gains."""
 
-from __future__ import annotations
-
 import itertools
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -12,23 +10,10 @@ from ambient_model.trace import split_column
 from ambient_trainer.diagnosis.greybox.expression import Expression, Samples
 from ambient_trainer.diagnosis.result import Array, Diagnosis, Step
 from ambient_trainer.diagnosis.words import chance
-from ambient_trainer.report.palette import (
-    BASELINE,
-    BLUE,
-    ERROR,
-    EXTENDED,
-    MEASURED,
-    SENSOR_COLOURS,
-    SHADE_COLOURS,
-    SIMULATED,
-    SKY,
-    STEP_COLOURS,
-)
+from ambient_trainer.report import palette
 from ambient_trainer.report.plots import Line, Panel, Shade, panel_figure, stacked_figure, wrapped
+from ambient_trainer.report.structure import Plot
 from ambient_trainer.report.units import written
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go  # type: ignore[import-untyped]
 
 _SMOOTH_FRAC = 1 / 150
 _POINTS = 300
@@ -36,33 +21,33 @@ _POINTS = 300
 
 def _shades(diagnosis: Diagnosis) -> list[Shade]:
     """The windows of the steps that last for a part of the trace only."""
-    first, last = float(diagnosis.time_s[0]), float(diagnosis.time_s[-1])
-    return [
-        Shade(
-            str(step.cause),
-            colour,
-            [(first if step.onset_s is None else step.onset_s, last if step.end_s is None else step.end_s)],
-        )
-        for step, colour in zip(diagnosis.explained, itertools.cycle(SHADE_COLOURS))
-        if step.onset_s is not None or step.end_s is not None
-    ]
+    shades, (first, last) = [], diagnosis.time_s[[0, -1]].tolist()
+    for step, colour in zip(diagnosis.explained, itertools.cycle(palette.SHADE_COLOURS)):
+        if (step.onset_s, step.end_s) != (None, None):
+            span = first if step.onset_s is None else step.onset_s, last if step.end_s is None else step.end_s
+            shades.append(Shade(str(step.cause), colour, [span]))
+    return shades
 
 
-def simulated(diagnosis: Diagnosis) -> go.Figure:
-    """A panel a sensor: measured, simulated by the circuit as given, and by the circuit with every step."""
-    misfit = diagnosis.misfit
+def _by_sensor(diagnosis: Diagnosis, curves: Sequence[tuple[str, Array, str]], width: float, height_px: int) -> Plot:
+    """A panel a sensor, with its row of each of ``curves``: their names, rows (s, N) and colours."""
     panels = []
-    for number, sensor in enumerate(misfit.sensors):
-        measured, given = misfit.measured_degC[number], misfit.simulated_degC[number]
-        lines = [Line("measured", measured, MEASURED, 1.4), Line("simulated, circuit as given", given, SIMULATED, 1.4)]
-        if diagnosis.explained:
-            with_causes = measured - diagnosis.explained[-1].residual_degC[number]
-            lines.append(Line("simulated with the causes", with_causes, EXTENDED, 1.4))
-        panels.append(Panel(f"{sensor} [°C]", lines, height_px=170))
+    for number, sensor in enumerate(diagnosis.misfit.sensors):
+        lines = [Line(name, rows[number], colour, width) for name, rows, colour in curves]
+        panels.append(Panel(f"{sensor} [°C]", lines, height_px=height_px))
     return stacked_figure(diagnosis.time_s, panels, _shades(diagnosis))
 
 
-def heat(diagnosis: Diagnosis) -> go.Figure:
+def simulated(diagnosis: Diagnosis) -> Plot:
+    """A panel a sensor: measured, simulated by the circuit as given, and by the circuit with every step."""
+    measured, given = diagnosis.misfit.measured_degC, diagnosis.misfit.simulated_degC
+    curves = [("measured", measured, palette.MEASURED), ("simulated, circuit as given", given, palette.SIMULATED)]
+    for step in diagnosis.explained[-1:]:
+        curves.append(("simulated with the causes", measured - step.residual_degC, palette.EXTENDED))
+    return _by_sensor(diagnosis, curves, 1.4, 170)
+
+
+def heat(diagnosis: Diagnosis) -> Plot:
     """The residual heat of each node, the first step's on top; beneath it the signals that drive the steps, or all."""
     misfit, flows = diagnosis.misfit, _heat(diagnosis)
     located = [_sensor_of(step, misfit.sensors) for step in diagnosis.explained]
@@ -71,12 +56,12 @@ def heat(diagnosis: Diagnosis) -> go.Figure:
     panels = []
     for sensor in order:
         lines = [
-            Line("as it is", flows[sensor], SKY, 0.8),
-            Line(f"mean of {window_samples} samples", _running_mean(flows[sensor], window_samples), BLUE, 1.8),
+            Line("as it is", flows[sensor], palette.SKY, 0.8),
+            Line(f"mean of {window_samples} samples", _running_mean(flows[sensor], window_samples), palette.BLUE, 1.8),
         ]
         panels.append(Panel(f"{sensor} [{misfit.heat_unit}]", lines, height_px=170 if sensor in located else 120))
     signals = driving(diagnosis) or [name for name, row in diagnosis.signals.items() if _varies(name, row)]
-    for name, colour in zip(signals, itertools.cycle(SENSOR_COLOURS[1:])):
+    for name, colour in zip(signals, itertools.cycle(palette.SENSOR_COLOURS[1:])):
         panels.append(Panel(_label(name), [Line(name, diagnosis.signals[name], colour)], height_px=110))
     figure = stacked_figure(diagnosis.time_s, panels, _shades(diagnosis))
     for row, sensor in enumerate(order, start=1):
@@ -97,7 +82,7 @@ def heat_by_driver(diagnosis: Diagnosis) -> tuple[str, str] | None:
     return None
 
 
-def against_driver(diagnosis: Diagnosis, text: str, sensor: str) -> go.Figure:
+def against_driver(diagnosis: Diagnosis, text: str, sensor: str) -> Plot:
     """The residual heat at a sensor's node over its driver, by means of stretches, and a straight line through them."""
     samples = Samples(diagnosis.signals, float(np.median(np.diff(diagnosis.time_s))))
     weight, flow = Expression(text).value(samples), _heat(diagnosis)[sensor]
@@ -107,8 +92,8 @@ def against_driver(diagnosis: Diagnosis, text: str, sensor: str) -> go.Figure:
     slope, level = np.polyfit(x, y, 1)
     ends = np.array([x.min(), x.max()])
     figure = panel_figure(text, f"heat at {sensor} [{diagnosis.misfit.heat_unit}]", height_px=300)
-    figure.add_scatter(x=x, y=y, mode="markers", name="mean of a stretch", marker_color=BLUE)
-    figure.add_scatter(x=ends, y=level + slope * ends, mode="lines", name="straight line", line_color=EXTENDED)
+    figure.add_scatter(x=x, y=y, mode="markers", name="mean of a stretch", marker_color=palette.BLUE)
+    figure.add_scatter(x=ends, y=level + slope * ends, mode="lines", name="straight line", line_color=palette.EXTENDED)
     return figure
 
 
@@ -128,34 +113,29 @@ def _varies(signal: str, row: Array) -> bool:
     return split_column(signal)[1] != "degC" and bool((known != known[:1]).any())
 
 
-def residuals(diagnosis: Diagnosis) -> go.Figure:
+def residuals(diagnosis: Diagnosis) -> Plot:
     """A panel a sensor: the residual of the circuit as given, and after each step."""
-    panels = []
-    for number, (sensor, residual) in enumerate(zip(diagnosis.misfit.sensors, diagnosis.misfit.residual_degC)):
-        lines = [Line("circuit as given", residual, SIMULATED, 1.2)]
-        lines += [
-            Line(f"with {'' if k == 1 else 'also '}{step.cause}", step.residual_degC[number], colour, 1.2)
-            for k, (step, colour) in enumerate(zip(diagnosis.explained, itertools.cycle(STEP_COLOURS)), start=1)
-        ]
-        panels.append(Panel(f"{sensor} [°C]", lines, height_px=150))
-    return stacked_figure(diagnosis.time_s, panels, _shades(diagnosis))
+    curves = [("circuit as given", diagnosis.misfit.residual_degC, palette.SIMULATED)]
+    for step, colour in zip(diagnosis.explained, itertools.cycle(palette.STEP_COLOURS)):
+        curves.append((f"with {'also ' if len(curves) > 1 else ''}{step.cause}", step.residual_degC, colour))
+    return _by_sensor(diagnosis, curves, 1.2, 150)
 
 
-def ambient(diagnosis: Diagnosis) -> go.Figure:
+def ambient(diagnosis: Diagnosis) -> Plot:
     """The error of the ambient that the circuit gives when read backward."""
     error = np.asarray(diagnosis.misfit.ambient_error_degC)
-    panel = Panel("true − estimate [°C]", [Line("error of the ambient", error, ERROR, 1.2)], height_px=190)
+    panel = Panel("true − estimate [°C]", [Line("error of the ambient", error, palette.ERROR, 1.2)], height_px=190)
     return stacked_figure(diagnosis.time_s, [panel], _shades(diagnosis))
 
 
-def gains(diagnosis: Diagnosis) -> go.Figure:
+def gains(diagnosis: Diagnosis) -> Plot:
     """The held-out error without and with each step, a pair of bars a step, and the gain's interval in words."""
     names = [f"{number}. {step.cause}" for number, step in enumerate(diagnosis.explained, start=1)][::-1]
     steps = diagnosis.explained[::-1]
     figure = panel_figure("held-out RMSE over all sensors [°C]", "", height_px=100 + 135 * len(steps))
     for name, colour, values in (
-        ("with it", EXTENDED, [step.gain.rmse_after_degC for step in steps]),
-        ("without", BASELINE, [step.gain.rmse_before_degC for step in steps]),
+        ("with it", palette.EXTENDED, [step.gain.rmse_after_degC for step in steps]),
+        ("without", palette.BASELINE, [step.gain.rmse_before_degC for step in steps]),
     ):
         figure.add_bar(
             y=names,

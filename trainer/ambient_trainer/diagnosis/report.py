@@ -1,31 +1,22 @@
 """The report of a diagnosis: verdict, steps, candidates and residual tests, the same for terminal, page and machine."""
 
+import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ambient_trainer.diagnosis import figures
 from ambient_trainer.diagnosis.greybox.file import kinds
 from ambient_trainer.diagnosis.residual_tests import residual_memory_s
-from ambient_trainer.diagnosis.result import (
-    NONE,
-    UNKNOWN,
-    Array,
-    Cause,
-    Diagnosis,
-    Gain,
-    Magnitude,
-    Ranked,
-    Step,
-    Tested,
-)
+from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Array, Cause, Diagnosis, Magnitude, Ranked, Step, Tested
 from ambient_trainer.diagnosis.words import chance, clock, digits, duration, window
-from ambient_trainer.report import Block, Facts, Figure, Finding, Report, Section, Table
+from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Status, Table
 
 SHOWN_RANKED = 8
 _OF_WHITENESS = ("whiteness", "periodogram", "memory")
@@ -44,12 +35,9 @@ def report_of(diagnosis: Diagnosis) -> Report:
     Report
         For :mod:`ambient_trainer.report`; ``data`` is the content of ``diagnose --json``.
     """
-    known = diagnosis.verdict_cause.name not in (NONE, UNKNOWN)
-    lead: list[Block] = [
-        Finding(headline(diagnosis), "result" if known else "plain", diagnosis.verdict_cause.name),
-        *map(Finding, diagnosis.notes),
-        _facts(diagnosis),
-    ]
+    status: Status = "result" if diagnosis.explained else "plain"
+    verdict = Finding(headline(diagnosis), status, diagnosis.verdict_cause.name)
+    lead = [verdict, *map(Finding, diagnosis.notes), _facts(diagnosis)]
     candidates = Section("Candidates for the first effect", [ranking_table(diagnosis)]) if diagnosis.ranking else None
     sections = [_causes(diagnosis), *_plots(diagnosis), candidates, _tests(diagnosis), _method(diagnosis)]
     subject = f"Diagnosis of {os.path.basename(diagnosis.trace)}, {diagnosis.circuit}"
@@ -143,14 +131,10 @@ def _facts(diagnosis: Diagnosis) -> Facts:
 
 
 def _causes(diagnosis: Diagnosis) -> Section | None:
-    remarks = [
-        f"{step.cause} is not distinguishable from {', '.join(map(str, step.indistinguishable_from))} by these data."
-        for step in diagnosis.steps
-        if step.indistinguishable_from
-    ]
+    alike = [(step.cause, ", ".join(map(str, step.indistinguishable_from))) for step in diagnosis.steps]
+    more = [Finding(f"{cause} is not distinguishable from {rest} by these data.") for cause, rest in alike if rest]
     if diagnosis.next_experiment:
-        remarks.append(f"Next experiment: {diagnosis.next_experiment}")
-    more = [Finding(each) for each in remarks]
+        more.append(Finding(f"Next experiment: {diagnosis.next_experiment}"))
     if not diagnosis.explained:
         return Section("What would show more", more) if more else None
     return Section(
@@ -171,7 +155,7 @@ _AGAINST = (
 
 
 def _plots(diagnosis: Diagnosis) -> list[Section]:
-    misfit = diagnosis.misfit
+    misfit, driven = diagnosis.misfit, figures.heat_by_driver(diagnosis)
     in_W = misfit.heat_unit == "W"
     scale = "" if in_W else ": temperatures alone do not give the scale in W, and no logged power sets it"
     beneath = "what drives the causes" if figures.driving(diagnosis) else "what was logged besides and varies"
@@ -179,23 +163,25 @@ def _plots(diagnosis: Diagnosis) -> list[Section]:
     shaded = " A shaded stretch is when a cause acted." if diagnosis.explained else ""
     heat = "What flows into each node beyond the circuit's own flows, C dT/dt less every modelled flow, in "
     residual = "The residual, measured minus simulated, of the circuit as given and after each cause was added."
+    backward = "Sensors in, ambient out: the effect of the misfit on the estimate of the ambient."
+
+    def plot(title: str, text: str, draw: Callable[..., Any], *given: Any) -> Section:
+        return Section(title, [text, Figure(partial(draw, diagnosis, *given))])
+
     sections = [
-        Section("Measured and simulated", [simulated + shaded, Figure(partial(figures.simulated, diagnosis))]),
-        Section(
+        plot("Measured and simulated", simulated + shaded, figures.simulated),
+        plot(
             "The heat that would explain the difference",
-            [f"{heat}{misfit.heat_unit}{scale}. Beneath it, {beneath}.", Figure(partial(figures.heat, diagnosis))],
+            f"{heat}{misfit.heat_unit}{scale}. Beneath it, {beneath}.",
+            figures.heat,
         ),
+        plot("The heat against its driver", _AGAINST, figures.against_driver, *driven) if driven else None,
         Section("Residuals", [residual, Figure(partial(figures.residuals, diagnosis)), residuals_table(diagnosis)]),
+        None
+        if misfit.ambient_error_degC is None
+        else plot("The same circuit read backward", backward, figures.ambient),
     ]
-    if (driven := figures.heat_by_driver(diagnosis)) is not None:
-        against = Figure(partial(figures.against_driver, diagnosis, *driven))
-        sections.insert(2, Section("The heat against its driver", [_AGAINST, against]))
-    if misfit.ambient_error_degC is not None:
-        backward = "Sensors in, ambient out: the effect of the misfit on the estimate of the ambient."
-        sections.append(
-            Section("The same circuit read backward", [backward, Figure(partial(figures.ambient, diagnosis))])
-        )
-    return sections
+    return [each for each in sections if each]
 
 
 def _tests(diagnosis: Diagnosis) -> Section:
@@ -270,13 +256,12 @@ def residual_tests_table(tests: Sequence[Tested]) -> Table:
         "residuals of the same autocorrelation, so that without any effect one report in 20 has any of them beyond "
         "chance."
     )
+    columns = ("test", "subject", "result", "statistic", "threshold", "beyond chance")
     rows = [
-        (each.name, each.subject, each.sentence, digits(each.statistic), digits(each.threshold), shown)
-        for significant, shown in ((True, "yes"), (False, "no"))
-        for each in tests
-        if each.significant == significant
+        (t.name, t.subject, t.sentence, digits(t.statistic), digits(t.threshold), "yes" if t.significant else "no")
+        for t in sorted(tests, key=lambda each: not each.significant)
     ]
-    return Table(caption, ("test", "subject", "result", "statistic", "threshold", "beyond chance"), rows, labels=3)
+    return Table(caption, columns, rows, labels=3)
 
 
 def residuals_table(diagnosis: Diagnosis) -> Table:
@@ -312,7 +297,7 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
         "explained_share": diagnosis.explained_share,
         "notes": diagnosis.notes,
     }
-    return dict(_finite(data))
+    return dict(json.loads(json.dumps(data), parse_constant=lambda name: None))
 
 
 def _effect_data(each: Step | Ranked) -> dict[str, Any]:
@@ -337,23 +322,13 @@ def _step_data(step: Step) -> dict[str, Any]:
 
 def _nothing(diagnosis: Diagnosis) -> dict[str, Any]:
     """The verdict where nothing is missing, with the keys that every step has."""
-    gain = Gain(0.0, 0.0, (0.0, 0.0), 1.0)
-    empty = Step(Cause(NONE), None, None, None, math.nan, gain, (), headline(diagnosis), {}, np.zeros((0, 0)))
-    return {**_step_data(empty), "gain": None}
+    empty = dict.fromkeys(("onset_s", "end_s", "magnitude", "gain", "confidence"))
+    said = {"indistinguishable_from": [], "sentence": headline(diagnosis), "parameters": {}}
+    return {**_cause_data(Cause(NONE)), **empty, **said}
 
 
 def _cause_data(cause: Cause) -> dict[str, Any]:
     return {"cause": cause.name, "location": cause.location, "signal": cause.signal}
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(each) for each in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value
 
 
 def _degrees(value: float) -> str:
@@ -368,8 +343,6 @@ def _residuals(diagnosis: Diagnosis) -> dict[str, dict[str, float]]:
 
 def _figures(diagnosis: Diagnosis, values: Array) -> dict[str, float]:
     """Root mean square, standard deviation and autocorrelation time of a residual (N,); NaN where nothing is known."""
-    known = values[np.isfinite(values)]
-    if not len(known):
-        return dict.fromkeys(("rmse_degC", "std_degC", "memory_s"), math.nan)
-    memory_s = residual_memory_s(diagnosis.time_s, values)
-    return {"rmse_degC": float(np.sqrt((known**2).mean())), "std_degC": float(known.std()), "memory_s": memory_s}
+    known = pd.Series(values[np.isfinite(values)])
+    rmse, memory_s = float(np.sqrt((known**2).mean())), residual_memory_s(diagnosis.time_s, values)
+    return {"rmse_degC": rmse, "std_degC": float(known.std(ddof=0)), "memory_s": memory_s}
