@@ -10,7 +10,7 @@ dr/dt is the slope of a straight line through a window of ``heat_window_samples`
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import lsim, savgol_filter
@@ -30,22 +30,16 @@ _NO_AIR_DEGC = 300.0
 """No air is so far off as a node asks for that hardly meets it."""
 
 
-@dataclass(frozen=True)
-class _Nodes:
-    """A linear network of s nodes with a sensor and k hidden ones.
+class _Nodes(NamedTuple):
+    """A linear network of n nodes, the ``seen`` first ones with a sensor: dx/dt = ``A`` (n, n) x without other heat.
 
-    Heat flows into nodes with a sensor by their own temperatures, ``among`` (s, s), and by those of hidden ones,
-    ``from_hidden`` (s, k), in W/K. Hidden ones obey dx/dt = ``hidden`` (k, k) x + ``into_hidden`` (k, s) T, in 1/s; so
-    are ``to_air`` (s,) and ``hidden_to_air`` (k,).
+    Heat capacities ``C`` in J/K and conductances ``to_air`` in W/K are (n,).
     """
 
-    capacitance: Array
-    among: Array
-    from_hidden: Array
-    hidden: Array
-    into_hidden: Array
+    A: Array
+    C: Array
     to_air: Array
-    hidden_to_air: Array
+    seen: int
     period_s: float
 
     @staticmethod
@@ -54,12 +48,9 @@ class _Nodes:
         between, outside, C = network.between[0], network.to_boundary[0], network.capacitance[0]
         A = (between - np.diag(between.sum(axis=1) + outside.sum(axis=1))) / C[:, None]
         to_air = outside[:, network.boundary(AMBIENT)] if AMBIENT in network.boundaries else np.zeros(len(A))
-        seen, period_s = network.reads, network.period_s * network.every
-        unseen = np.setdiff1d(np.arange(len(A)), seen)
-        among, from_hidden = (C[seen, None] * A[np.ix_(seen, each)] for each in (seen, unseen))
-        into_hidden, hidden = (A[np.ix_(unseen, each)] for each in (seen, unseen))
-        hidden_to_air = to_air[unseen] / C[unseen]
-        return _Nodes(C[seen], among, from_hidden, hidden, into_hidden, to_air[seen], hidden_to_air, period_s)
+        order = np.append(network.reads, np.setdiff1d(np.arange(len(A)), network.reads))
+        period_s = network.period_s * network.every
+        return _Nodes(A[np.ix_(order, order)], C[order], to_air[order], len(network.reads), period_s)
 
 
 def misfit_of(circuit: Circuit, network: Network, record: Record, simulated_degC: Array) -> Misfit:
@@ -73,7 +64,7 @@ def misfit_of(circuit: Circuit, network: Network, record: Record, simulated_degC
     window = heat_window_samples(nodes, left) if enough else 0
     heat_W = np.where(np.isnan(residual), np.nan, _heat_W(nodes, left, window) if enough else np.nan)
     in_W = _in_watts(circuit)
-    heat = heat_W if in_W else heat_W / nodes.capacitance[:, None]
+    heat = heat_W if in_W else heat_W / nodes.C[: nodes.seen, None]
     sensors = tuple(output.name for output in circuit.outputs)
     air = record.inputs[circuit.inputs.index(REFERENCE)] if REFERENCE in circuit.inputs else None
     tests = residual_tests(
@@ -107,7 +98,7 @@ def heat_window_samples(nodes: _Nodes, left: Array) -> int:
         # the standard error of the slope of a line through so many evenly spaced points
         slope_K_s = noise_degC * np.sqrt(12.0 / (window**3 - window)) / nodes.period_s
         heat = _heat_W(nodes, left, window)
-        if np.sum((nodes.capacitance * slope_K_s) ** 2) <= NOISE_SHARE**2 * np.sum(np.var(heat, axis=1)):
+        if np.sum((nodes.C[: nodes.seen] * slope_K_s) ** 2) <= NOISE_SHARE**2 * np.sum(np.var(heat, axis=1)):
             break
         window = min(longest, int(_LONGER * window) // 2 * 2 + 1)
     return window
@@ -116,13 +107,13 @@ def heat_window_samples(nodes: _Nodes, left: Array) -> int:
 def _heat_W(nodes: _Nodes, left: Array, window: int) -> Array:
     """The heat that no modelled flow accounts for, at each sensor's node, (s, N): C dr/dt less the flows that r drives,
     for r = ``left`` (s, N) there. Its scale is that of the capacitances: watts only where those are."""
-    heat = _heat_among_sensors_W(nodes, left, window)
-    if len(nodes.hidden):
-        A, drive = nodes.hidden, nodes.into_hidden @ left
-        follows = _followed(A, drive, nodes.period_s, np.zeros(len(A)))
-        heat -= nodes.from_hidden @ savgol_filter(follows, window, 1, axis=1)
+    heat, s = _heat_among_sensors_W(nodes, left, window), nodes.seen
+    if len(nodes.A) > s:
+        hidden, drive, from_hidden = nodes.A[s:, s:], nodes.A[s:, :s] @ left, nodes.C[:s, None] * nodes.A[:s, s:]
+        follows = _followed(hidden, drive, nodes.period_s, np.zeros(len(hidden)))
+        heat -= from_hidden @ savgol_filter(follows, window, 1, axis=1)
         # where a hidden node began is not known: such that it leaves the least heat
-        starts = [nodes.from_hidden @ _followed(A, 0 * drive, nodes.period_s, one) for one in np.eye(len(A))]
+        starts = [from_hidden @ _followed(hidden, 0 * drive, nodes.period_s, one) for one in np.eye(len(hidden))]
         columns = np.array([each.ravel() for each in starts]).T
         heat -= (columns @ np.linalg.lstsq(columns, heat.ravel(), rcond=1e-6)[0]).reshape(heat.shape)
     return _in_whole_windows(heat, window)
@@ -131,8 +122,8 @@ def _heat_W(nodes: _Nodes, left: Array, window: int) -> Array:
 def _heat_among_sensors_W(nodes: _Nodes, left: Array, window: int) -> Array:
     """As :func:`_heat_W`, if r were zero wherever there is no sensor; at the ends without a whole window."""
     slope = savgol_filter(left, window, 1, deriv=1, delta=nodes.period_s, axis=1)
-    level = savgol_filter(left, window, 1, axis=1)
-    return np.asarray(nodes.capacitance[:, None] * slope - nodes.among @ level)
+    level, C = savgol_filter(left, window, 1, axis=1), nodes.C[: nodes.seen, None]
+    return np.asarray(C * slope - C * nodes.A[: nodes.seen, : nodes.seen] @ level)
 
 
 def _in_whole_windows(rows: Array, window: int) -> Array:
@@ -149,16 +140,17 @@ def _ambient_error_degC(nodes: _Nodes, residual: Array, left: Array, window: int
     without a sensor does follows from the sensors and that same ambient, from equilibrium. None where no measured node
     is joined to the ambient, or so loosely that no air would do, or those without a sensor make it run away.
     """
-    joined, total = nodes.to_air > 0, nodes.to_air.sum()
+    s, joined, total = nodes.seen, nodes.to_air[: nodes.seen] > 0, nodes.to_air[: nodes.seen].sum()
     if not joined.any():
         return None
     excess = _heat_among_sensors_W(nodes, left, window)[joined].sum(axis=0) / total
-    if len(nodes.hidden):
-        inflow = nodes.from_hidden[joined].sum(axis=0) / total
-        A = nodes.hidden - np.outer(nodes.hidden_to_air, inflow)
+    if len(nodes.A) > s:
+        inflow = (nodes.C[:s, None] * nodes.A[:s, s:])[joined].sum(axis=0) / total
+        by_air = nodes.to_air[s:] / nodes.C[s:]
+        A = nodes.A[s:, s:] - np.outer(by_air, inflow)
         if np.linalg.eigvals(A).real.max() >= 0:
             return None
-        drive = nodes.into_hidden @ left + np.outer(nodes.hidden_to_air, excess)
+        drive = nodes.A[s:, :s] @ left + np.outer(by_air, excess)
         start = np.asarray(-np.linalg.solve(A, drive[:, 0]), dtype=np.float64)
         excess = excess - inflow @ _followed(A, drive, nodes.period_s, start)
     known = ~np.isnan(residual[joined]).any(axis=0)
