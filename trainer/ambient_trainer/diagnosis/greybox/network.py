@@ -93,8 +93,7 @@ class Network:
         self.nodes.append(name)
         self.capacitance = np.concatenate([self.capacitance, capacitance[:, None]], axis=1)
         self.between = np.pad(self.between, ((0, 0), (0, 1), (0, 1)))
-        self.to_boundary = np.pad(self.to_boundary, ((0, 0), (0, 1), (0, 0)))
-        self.loss = np.pad(self.loss, ((0, 0), (0, 1), (0, 0)))
+        self.to_boundary, self.loss = (np.pad(each, ((0, 0), (0, 1), (0, 0))) for each in (self.to_boundary, self.loss))
         return len(self.nodes) - 1
 
     def add_boundary(self, name: str, degC: Array) -> int:

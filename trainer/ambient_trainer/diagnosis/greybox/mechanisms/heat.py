@@ -47,8 +47,8 @@ class Heat(InProportion):
     @property
     def doubtful(self) -> bool:
         # a heater's rate stands for heat that comes late, or for a body of its own
-        rate = self.driver is not None and self.driver.text.startswith("d(")
-        return rate and self.driver.columns[0].endswith("_frac")
+        driver = self.driver
+        return driver is not None and driver.text.startswith("d(") and driver.columns[0].endswith("_frac")
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = self.weight(record)
@@ -87,18 +87,15 @@ class HeatInTheCold(Heat):
     def started(self, amounts: Sequence[float]) -> Mechanism | None:
         heat, growth = self.numbers
         whole = max(amounts[0] + amounts[1], 0.1)
-        return self.with_values(
-            [whole * heat.scale, float(np.clip(_GROWTH_PER_K * amounts[1] / whole, growth.low / 2, growth.high / 2))]
-        )
+        per_K = float(np.clip(_GROWTH_PER_K * amounts[1] / whole, growth.low / 2, growth.high / 2))
+        return self.with_values([whole * heat.scale, per_K])
 
     def native(self, circuit: Circuit) -> Circuit | None:
         return None
 
     def sentence_tail(self) -> str:
         growth = self.numbers[1].value
-        return (
-            f"{'growing in the cold' if growth > 0 else 'growing with the temperature'} by {share(abs(growth))} per K"
-        )
+        return f"growing {'in the cold' if growth > 0 else 'with the temperature'} by {share(abs(growth))} per K"
 
 
 def windowed(scene: Scene) -> Iterator[Mechanism]:
@@ -120,20 +117,15 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
     for places in scene.groups(scene.nodes):
         yield _heat(scene, places, None)
         for driver in drivers:
-            yield _heat(scene, places, driver)
+            yield (plain := _heat(scene, places, driver))
             if driver.text.endswith("_A^2") and len(places) == 1:
-                plain = _heat(scene, places, driver)
-                growth = Number(
-                    f"growth_{places[0]}", "1/K", 0.0, scale=_MOST_PER_K, low=_LEAST_PER_K, high=_MOST_PER_K
-                )
+                name, most = f"growth_{places[0]}", _MOST_PER_K
+                growth = Number(name, "1/K", 0.0, scale=most, low=_LEAST_PER_K, high=most)
                 yield HeatInTheCold(places, (*plain.numbers, growth), driver)
-    for node in scene.nodes:
-        for driver in _heating(scene.tuned_drivers):
-            yield _heat(scene, (node,), driver)
-    for node in scene.hidden_nodes:
-        # the rate of what heats a slow body is what heats a fast one
-        for driver in (each for each in drivers if not each.text.startswith("d(")):
-            yield _heat(scene, (node,), driver)
+    # the rate of what heats a slow body is what heats a fast one
+    steady = [each for each in drivers if not each.text.startswith("d(")]
+    for nodes, some in ((scene.nodes, _heating(scene.tuned_drivers)), (scene.hidden_nodes, steady)):
+        yield from (_heat(scene, (node,), driver) for node in nodes for driver in some)
 
 
 def _heat(scene: Scene, places: tuple[str, ...], driver: Expression | None) -> Heat:

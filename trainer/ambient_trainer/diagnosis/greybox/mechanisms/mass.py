@@ -97,14 +97,11 @@ class HiddenMass(Mechanism):
 def candidates(scene: Scene) -> Iterator[Mechanism]:
     """Behind every node, and behind all, with time constants from a few samples to half the record."""
     lags = np.geomspace(3 * scene.period_s, scene.longest_s / 6, _LAGS)
-    for places in scene.groups(scene.nodes):
+    for places in (*scene.groups(scene.nodes), *((each,) for each in scene.hidden_nodes)):
         for lag in lags:
             yield _mass(scene, places, float(lag), sees_ambient=False)
-            if all(scene.loss(each) > 0 for each in places):
+            if places[0] in scene.nodes and all(scene.loss(each) > 0 for each in places):
                 yield _mass(scene, places, float(lag), sees_ambient=True)
-    for node in scene.hidden_nodes:
-        for lag in lags:
-            yield _mass(scene, (node,), float(lag), sees_ambient=False)
 
 
 def begun(scene: Scene) -> Iterator[Mechanism]:
