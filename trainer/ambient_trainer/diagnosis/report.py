@@ -16,7 +16,7 @@ from ambient_trainer.diagnosis.greybox.file import kinds
 from ambient_trainer.diagnosis.residual_tests import residual_memory_s
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Array, Cause, Diagnosis, Magnitude, Ranked, Step, Tested
 from ambient_trainer.diagnosis.words import chance, clock, digits, duration, window
-from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Status, Table
+from ambient_trainer.report import Block, Facts, Figure, Finding, Report, Section, Status, Table
 
 SHOWN_RANKED = 8
 _OF_WHITENESS = ("whiteness", "periodogram", "memory")
@@ -37,7 +37,7 @@ def report_of(diagnosis: Diagnosis) -> Report:
     """
     status: Status = "result" if diagnosis.explained else "plain"
     verdict = Finding(headline(diagnosis), status, diagnosis.verdict_cause.name)
-    lead = [verdict, *map(Finding, diagnosis.notes), _facts(diagnosis)]
+    lead: list[Block] = [verdict, *map(Finding, diagnosis.notes), _facts(diagnosis)]
     candidates = Section("Candidates for the first effect", [ranking_table(diagnosis)]) if diagnosis.ranking else None
     sections = [_causes(diagnosis), *_plots(diagnosis), candidates, _tests(diagnosis), _method(diagnosis)]
     subject = f"Diagnosis of {os.path.basename(diagnosis.trace)}, {diagnosis.circuit}"
@@ -168,32 +168,29 @@ def _plots(diagnosis: Diagnosis) -> list[Section]:
     def plot(title: str, text: str, draw: Callable[..., Any], *given: Any) -> Section:
         return Section(title, [text, Figure(partial(draw, diagnosis, *given))])
 
+    flows = f"{heat}{misfit.heat_unit}{scale}. Beneath it, {beneath}."
     sections = [
         plot("Measured and simulated", simulated + shaded, figures.simulated),
-        plot(
-            "The heat that would explain the difference",
-            f"{heat}{misfit.heat_unit}{scale}. Beneath it, {beneath}.",
-            figures.heat,
-        ),
-        plot("The heat against its driver", _AGAINST, figures.against_driver, *driven) if driven else None,
+        plot("The heat that would explain the difference", flows, figures.heat),
         Section("Residuals", [residual, Figure(partial(figures.residuals, diagnosis)), residuals_table(diagnosis)]),
-        None
-        if misfit.ambient_error_degC is None
-        else plot("The same circuit read backward", backward, figures.ambient),
     ]
-    return [each for each in sections if each]
+    if driven is not None:
+        sections.insert(2, plot("The heat against its driver", _AGAINST, figures.against_driver, *driven))
+    if misfit.ambient_error_degC is not None:
+        sections.append(plot("The same circuit read backward", backward, figures.ambient))
+    return sections
 
 
 def _tests(diagnosis: Diagnosis) -> Section:
     tests = diagnosis.misfit.tests
     # any misfit leaves a residual that is not white: what it follows says more
     beyond = sorted((each for each in tests if each.significant), key=lambda each: each.name in _OF_WHITENESS)
-    found = [f"{len(beyond)} of {len(tests)} tests of the residual are beyond chance."]
-    if len(beyond) > SHOWN_RANKED:
-        found.append(f"And {len(beyond) - SHOWN_RANKED} more: --report or --json shows them all.")
-    shown = [Finding(each.sentence, label=each.name) for each in beyond[:SHOWN_RANKED]]
+    found = [Finding(f"{len(beyond)} of {len(tests)} tests of the residual are beyond chance.")]
+    found += [Finding(each.sentence, label=each.name) for each in beyond[:SHOWN_RANKED]]
+    if (more := len(beyond) - SHOWN_RANKED) > 0:
+        found.append(Finding(f"And {more} more: --report or --json shows them all."))
     every = Section("Every test", [residual_tests_table(tests)], detail=True, fold="closed")
-    return Section("Tests of the residual", [Finding(found[0]), *shown, *map(Finding, found[1:]), every])
+    return Section("Tests of the residual", [*found, every])
 
 
 def _method(diagnosis: Diagnosis) -> Section:
