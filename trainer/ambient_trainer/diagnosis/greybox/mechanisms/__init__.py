@@ -21,8 +21,8 @@ class InProportion(Mechanism):
 
     def probes(self) -> Sequence[Sequence[float]]:
         rest = [each.value if each.log else 0.0 for each in self.numbers]
-        amounts = (index for index, each in enumerate(self.numbers) if not each.log)
-        return [[*rest[:at], self.step * self.numbers[at].scale, *rest[at + 1 :]] for at in amounts]
+        tried = [(at, self.step * each.scale) for at, each in enumerate(self.numbers) if not each.log]
+        return [[*rest[:at], step, *rest[at + 1 :]] for at, step in tried]
 
     def started(self, amounts: Sequence[float]) -> Mechanism | None:
         given = iter(amounts)
