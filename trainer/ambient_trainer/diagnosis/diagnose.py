@@ -168,7 +168,8 @@ def _otherwise(confounded: Selection, limits: Limits, progress: Progress | None)
     ambient does as well, where it is physics."""
     steps = steps_to(confounded.bare, confounded.final, confounded.compared.tried)
     logged = [each for each in steps if each.chosen is not None and each.chosen.mechanism.driver is not None]
-    if any(score(each.before) - score(confounded.final) > _MUCH_BETTER for each in logged):
+    # a delay of its own may follow whatever the ambient did
+    if any(each.gain > _MUCH_BETTER and each.chosen and not each.chosen.mechanism.tuned for each in logged):
         return replace(confounded, steps=(*logged, *(each for each in steps if each not in logged)))
     found = stepwise(confounded.bare, (), limits, progress, bent_candidates)
     first = found.steps[0]

@@ -42,6 +42,11 @@ class Step:
     tried: int
     """Candidates that were screened."""
 
+    @property
+    def gain(self) -> float:
+        """Of the held-out error's logarithm; 0 where nothing was chosen."""
+        return 0.0 if self.chosen is None else float(np.log(self.before.held_out_rmse_degC / self.chosen.rmse_degC))
+
 
 @dataclass(frozen=True)
 class Limits:
