@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
 from ambient_model.trace import LARGEST, Header, Row, TraceReader, write_trace
+from refusals import refused
 
 finite = st.floats(-LARGEST, LARGEST)
 words = st.text(st.characters(exclude_characters='_,"', exclude_categories=["C", "Z"]), min_size=1, max_size=6)
@@ -118,9 +119,7 @@ def test_a_faulty_file_is_refused_with_its_place(tmp_path, case: str) -> None:
     place, _, fact = expected.partition(": ") if "line " in expected else ("", "", expected)
     path = tmp_path / ("trace.csv.gz" if case.endswith(".gz") else "trace.csv")
     path.write_bytes(content)
-    with pytest.raises(Refused) as refused:
-        read(str(path))
-    [fault] = refused.value.faults
+    [fault] = refused(read, str(path)).faults
     assert fault.place.startswith(place)
     assert fact in fault.problem
     assert fault.hint
@@ -180,8 +179,6 @@ def test_arbitrary_bytes_are_rows_or_refused(folder: str, file: tuple[bytes, str
 def test_what_would_not_be_read_is_not_written(tmp_path, columns: list[str], rows: list, place: str) -> None:
     path = tmp_path / "trace.csv"
     path.write_text("old")
-    with pytest.raises(Refused) as refused:
-        write_trace(str(path), columns, rows)
-    assert refused.value.faults[0].place == place
+    assert refused(write_trace, str(path), columns, rows).faults[0].place == place
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["trace.csv"]

@@ -4,7 +4,6 @@ import json
 
 import pytest
 
-from ambient_model.faults import Refused
 from ambientd.config import Settings, StateSpec, load_settings, settings_for_model
 from ambientd.publish.file import Options
 from ambientd.publish.spec import Spec
@@ -13,6 +12,7 @@ from ambientd.sources.hwmon import Hwmon
 from ambientd.sources.power_supply import PowerSupply
 from ambientd.sources.supervision import Rules
 from ambientd.sources.zone import Zone
+from refusals import refused
 
 
 def saved(tmp_path, text, name="ambientd.yaml"):
@@ -22,9 +22,7 @@ def saved(tmp_path, text, name="ambientd.yaml"):
 
 
 def refusal(path):
-    with pytest.raises(Refused) as refused:
-        load_settings(path)
-    return str(refused.value)
+    return str(refused(load_settings, path))
 
 
 WHOLE = {
@@ -113,7 +111,7 @@ publish:
   - {kind: socket, path: /run/a, mode: rename}
 """,
     )
-    faults = {line.split(": ")[0].strip(): line for line in refusal(path).splitlines()[1:]}
+    faults = {fault.place: str(fault) for fault in refused(load_settings, path).faults}
     assert list(faults) == [
         *("poll", "model", "rate_hz", "sysfs_root"),
         *(f"publish[{k}]" for k in range(4)),
@@ -172,9 +170,8 @@ sensors:
 supervision: {stuck_after_s: 59, stuck_within_K: 2, jump_K_per_s: .inf, spikes: 3}
 """,
     )
-    with pytest.raises(Refused) as refused:
-        load_settings(path)
-    assert [fault.place for fault in refused.value.faults] == [
+    refusal = refused(load_settings, path)
+    assert [fault.place for fault in refusal.faults] == [
         *("sensors.usb", "sensors.a", "sensors.b", "sensors.c.offset", "sensors.c.zone", "sensors.d.label"),
         *("sensors.e.power_supply", "sensors.e.property", "sensors.e.sign", "sensors.f.sign", "sensors.g.zone"),
         *("sensors.h.sign", "supervision.stuck_after_s", "supervision.stuck_within_K", "supervision.jump_K_per_s"),
@@ -186,7 +183,7 @@ supervision: {stuck_after_s: 59, stuck_within_K: 2, jump_K_per_s: .inf, spikes: 
         "{power_supply: NAME, property: PROPERTY}",
         "{zone: TYPE}",
     )
-    assert all(form in refused.value.faults[1].hint for form in forms)
+    assert all(form in refusal.faults[1].hint for form in forms)
 
 
 def test_the_rules_of_a_configuration_are_kept(phone, make_model):

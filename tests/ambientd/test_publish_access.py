@@ -8,10 +8,10 @@ import stat
 
 import pytest
 
-from ambient_model.faults import Refused
 from ambientd.config import load_settings, publishing_to, settings_for_model
 from ambientd.publish.access import Access, grant
 from ambientd.publish.spec import Spec
+from refusals import refused_places
 
 ME, MINE = pwd.getpwuid(os.getuid()).pw_name, grp.getgrgid(os.getgid()).gr_name
 as_root = pytest.mark.skipif(os.getuid() != 0, reason="only root gives files to others")
@@ -46,14 +46,11 @@ access: {{mode: "0640", owner: {ME}, group: "{MINE}"}}
 
 @pytest.mark.parametrize("written", ["0640", "640", "416", "0o1777", "'1777'", "'64'", "'0648'", "rw", "[6]", "''"])
 def test_a_mode_is_octal_digits_in_quotes_and_nothing_that_could_be_misread(loaded, written):
-    with pytest.raises(Refused) as refused:
-        loaded(f"access: {{mode: {written}}}\n")
-    assert [fault.place for fault in refused.value.faults] == ["access.mode"]
+    assert refused_places(loaded, f"access: {{mode: {written}}}\n") == ["access.mode"]
 
 
 def test_every_fault_in_it_is_named(loaded):
-    with pytest.raises(Refused) as refused:
-        loaded("""
+    text = """
 access: {owner: nobody-of-this-name, group: no-such-group, umask: 2}
 publish:
   - {kind: file, path: /a, access: {owner: -2, group: 4294967295}}
@@ -62,8 +59,8 @@ publish:
   - {kind: file, path: /c, at_exit: poison, offset_millidegC: 1000000}
   - {kind: status, path: /d, at_exit: keep}
   - {kind: file, path: /e, at_exit: keep, poison_millidegC: 1}
-""")
-    assert [fault.place for fault in refused.value.faults] == [
+"""
+    assert refused_places(loaded, text) == [
         *("access.umask", "access.owner", "access.group"),
         *("publish[0].access.owner", "publish[0].access.group", "publish[1].access", "publish[2].access"),
         *("publish[3].offset_millidegC", "publish[3].at_exit", "publish[4].at_exit", "publish[5].at_exit"),

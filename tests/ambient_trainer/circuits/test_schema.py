@@ -13,6 +13,7 @@ from ambient_model.faults import Refused
 from ambient_trainer.circuits.circuit import Circuit, Edge, Node, Output, Parameter
 from ambient_trainer.circuits.schema import circuit_names, load_circuit, parse_circuit
 from documents import anything, damaged
+from refusals import refused
 
 DOCS = Path(__file__).parents[3] / "trainer" / "docs" / "reference"
 EXAMPLE = re.search(r"```yaml\n(.*?)```", (DOCS / "circuit.md").read_text(), re.DOTALL)[1]
@@ -113,10 +114,9 @@ FAULTY = [
 
 
 def _faults(text):
-    with pytest.raises(Refused) as refused:
-        parse_circuit(text, "two.yaml")
-    assert str(refused.value).startswith("two.yaml: ")
-    return refused.value.faults
+    refusal = refused(parse_circuit, text, "two.yaml")
+    assert refusal.source == "two.yaml"
+    return refusal.faults
 
 
 @pytest.mark.parametrize("case", FAULTY)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
 from ambient_trainer.data.importers.benchlink import import_file
+from refusals import refused
 
 _TIMES = ["02/02/2000 23:59:55:402", "02/03/2000 00:00:05:400"]
 
@@ -23,9 +24,7 @@ def _export(*channels, rows=(("+1.0E+01",), ("+2.0E+01",))):
 
 
 def _message(path, map_path=None):
-    with pytest.raises(Refused) as refused:
-        import_file(path, map_path)
-    return str(refused.value)
+    return str(refused(import_file, path, map_path))
 
 
 def test_every_channel_comes_in_without_a_map(write):

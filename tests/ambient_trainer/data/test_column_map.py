@@ -8,18 +8,13 @@ from ambient_model.faults import Refused
 from ambient_trainer.data.importers._column_map import ColumnMap, parse_map
 from ambient_trainer.data.probe_offsets import ProbeOffset, load_offsets
 from ambient_trainer.data.strict_yaml import load_yaml, parse_yaml
+from refusals import refused, refused_places
 
 _GOOD = "time: {column: t, unit: s}\ncolumns:\n  usb_degC: T_usb\n"
 
 
 def _parsed(text):
     return parse_map(parse_yaml(text, "m.yaml"), "m.yaml")
-
-
-def _message(text):
-    with pytest.raises(Refused) as refused:
-        _parsed(text)
-    return str(refused.value)
 
 
 def test_shorthand_and_numbers_are_names():
@@ -60,9 +55,7 @@ WRONG = [
 
 @pytest.mark.parametrize(("text", "place", "word"), WRONG)
 def test_a_wrong_map_is_refused_by_place(text, place, word):
-    with pytest.raises(Refused) as refused:
-        _parsed(text)
-    [fault] = refused.value.faults
+    [fault] = refused(_parsed, text).faults
     assert fault.place == place
     assert word in str(fault)
 
@@ -76,14 +69,8 @@ columns:
   battery_degC: {from: C, unit: mA}
   x: D
 """
-    places = [line.split(":")[0].strip() for line in _message(text).splitlines()[1:]]
-    assert places == [
-        "time.unit",
-        "columns.usb_degC.scale",
-        "columns.soc_degC.unit",
-        "columns.battery_degC.unit",
-        "columns.x",
-    ]
+    columns = [f"columns.{each}" for each in ("usb_degC.scale", "soc_degC.unit", "battery_degC.unit", "x")]
+    assert refused_places(_parsed, text) == ["time.unit", *columns]
 
 
 @given(st.binary(max_size=200))
@@ -158,6 +145,5 @@ def test_between_the_points_it_is_interpolated_and_beyond_them_the_nearest_holds
 def test_a_file_that_is_none_is_refused(tmp_path, before, after, parts):
     path = tmp_path / "offsets.yaml"
     path.write_text(FILE.replace(before, after))
-    with pytest.raises(Refused) as caught:
-        load_offsets(str(path))
-    assert all(part in str(caught.value) for part in [str(path), *parts])
+    said = str(refused(load_offsets, str(path)))
+    assert all(part in said for part in [str(path), *parts])

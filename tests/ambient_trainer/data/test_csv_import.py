@@ -10,6 +10,7 @@ from ambient_trainer.data.importers._column_map import parse_map
 from ambient_trainer.data.importers._table import import_table
 from ambient_trainer.data.importers.csv import import_file
 from ambient_trainer.data.trace import load_trace, save_trace
+from refusals import refused
 
 _TIME = {"column": "t", "unit": "s"}
 
@@ -153,9 +154,7 @@ WRONG = [
 
 
 def _faults(path, columns=None, **layout):
-    with pytest.raises(Refused) as refused:
-        _imported(path, columns or {"a_degC": "a"}, **layout)
-    return refused.value.faults
+    return refused(_imported, path, columns or {"a_degC": "a"}, **layout).faults
 
 
 @pytest.mark.parametrize(("text", "layout", "place", "word"), WRONG)

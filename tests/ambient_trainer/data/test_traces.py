@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_model.faults import Refused
 from ambient_trainer.data.resolution import resolution_of, with_resolution
 from ambient_trainer.data.spikes import without_spikes
 from ambient_trainer.data.trace import Trace, load_trace
+from refusals import refused
 
 TRACE = Trace("a.csv", np.array([0.0, 1.5, 3.0]), {"usb_degC": np.array([20.0, np.nan, 21.0])}, {"room": "office"})
 
@@ -44,9 +44,8 @@ def test_a_frame_is_the_trace_it_came_from(frame):
     ],
 )
 def test_what_is_no_trace_is_refused_by_place(columns, index, named):
-    with pytest.raises(Refused) as refused:
-        load_trace(pd.DataFrame(columns, index=index))
-    assert all(each in str(refused.value) for each in ["DataFrame", *named])
+    said = str(refused(load_trace, pd.DataFrame(columns, index=index)))
+    assert all(each in said for each in ["DataFrame", *named])
 
 
 @given(st.sampled_from([1.0, 0.5, 0.25, 0.125, 0.1, 0.0625, 0.05, 0.01]), st.integers(0, 1000))

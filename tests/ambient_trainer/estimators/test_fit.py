@@ -11,6 +11,7 @@ from ambient_trainer.estimators.base import Effort, temperature_columns
 from ambient_trainer.estimators.library import free
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.registry import CircuitEstimator
+from refusals import refused
 
 from ..conftest import response_of, truth_of
 
@@ -178,10 +179,8 @@ def _never_together(trace):
     ],
 )
 def test_traces_that_determine_nothing_are_refused(rise, logged, change, facts):
-    with pytest.raises(Refused) as refused:
-        CircuitEstimator(rise).fit(change(logged), ONE)
-    for fact in facts:
-        assert fact in str(refused.value)
+    said = str(refused(CircuitEstimator(rise).fit, change(logged), ONE))
+    assert all(fact in said for fact in facts)
 
 
 def test_a_reference_may_be_constant_in_one_of_several_traces_and_a_trace_has_sensors(rise, logged):

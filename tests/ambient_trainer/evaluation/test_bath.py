@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 from scipy.signal import lfilter
 
-from ambient_model.faults import Refused
 from ambient_trainer.evaluation.bath import Settled, calibrated, unsettled
+from refusals import refused
 
 PERIOD_S = 2.0
 
@@ -31,9 +31,7 @@ def test_an_offset_is_the_mean_difference_with_its_error_and_a_probe_elsewhere_i
     assert point.reading_degC == pytest.approx(window["a"].mean())
     assert point.standard_error_K == pytest.approx(0.02 / np.sqrt(151), rel=0.5)
     assert offsets["b"].points[0].offset_K == pytest.approx(-1.0, abs=0.01)
-    with pytest.raises(Refused) as caught:
-        calibrated([bath(np.full(151, 0.0), {"a": 0.3, "b": -21.0}, noise_K=0.0)], "the bath")
-    (fault,) = caught.value.faults
+    (fault,) = refused(calibrated, [bath(np.full(151, 0.0), {"a": 0.3, "b": -21.0}, noise_K=0.0)], "the bath").faults
     assert (fault.place, "21.00 degC" in fault.problem, "0.00 degC" in fault.problem) == ("b", True, True)
 
 

@@ -9,6 +9,7 @@ from ambient_trainer.evaluation.bath import Settled
 from ambient_trainer.laboratory.calibration import BathRecorder, bath
 from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.messages import NoResponse
+from refusals import refused
 
 PERIOD_S = 2.0
 
@@ -32,9 +33,8 @@ def test_a_thermometer_that_never_answers_ends_it_with_its_own_error(instruments
 def test_patience_ends(instruments):
     read = instruments.multiplexer.read
     instruments.multiplexer.read = lambda: read()._replace(values={})
-    with pytest.raises(Refused) as caught:
-        BathRecorder(instruments, PERIOD_S, 400.0).until_settled(Settled(), str)
-    assert [fault.problem.split(" has ")[0] for fault in caught.value.faults] == ["a", "b"]
+    faults = refused(BathRecorder(instruments, PERIOD_S, 400.0).until_settled, Settled(), str).faults
+    assert [fault.problem.split(" has ")[0] for fault in faults] == ["a", "b"]
 
 
 def test_the_simulated_bath_is_recorded_and_gives_the_same_offsets_again_or_none_where_it_is_not_settled(tmp_path):

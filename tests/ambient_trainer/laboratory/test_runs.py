@@ -19,6 +19,7 @@ from ambient_trainer.laboratory.report import problems_of
 from ambient_trainer.laboratory.run import Ending
 from ambient_trainer.simulator.scenario import scenario_path
 from breaking import acknowledge, open_probe, pull_cable, raise_alarm
+from refusals import refused
 
 from .conftest import Night
 
@@ -141,9 +142,7 @@ def test_what_is_not_ready_is_named_and_nothing_moves(night):
         raise_alarm(there.chamber, 7, "overtemperature")
 
     lab = night(minutes((2, 22)))
-    with pytest.raises(Refused) as refused:
-        lab.run(before=prepare)
-    faults = [str(fault) for fault in refused.value.faults]
+    faults = [str(fault) for fault in refused(lab.run, before=prepare).faults]
     for fault, source, part in zip(
         faults, ("chamber", "multiplexer", "device"), ("07 overtemperature", "air2", "no devices/emulators found")
     ):

@@ -17,6 +17,7 @@ from ambient_trainer.simulator.run import Driven, Run
 from ambient_trainer.simulator.scenario import load_scenario
 from ambient_trainer.simulator.simulate import simulate, simulate_many, truth
 from ambient_trainer.simulator.text import choices, draw_hidden
+from refusals import refused_places
 
 NODES = tuple(load_device().nodes)
 _SCENARIO = "3"
@@ -193,13 +194,10 @@ def test_decoys_change_nothing_and_stand_among_the_signals(simulated):
 
 def test_what_cannot_be_is_refused_with_every_fault_and_what_is_outside_the_run():
     phone = load_device()
-    with pytest.raises(Refused) as refused:
-        checked(Hidden("heat_source", "moon", "fan_on", -1.0, -2.0, 99.0, "hand"), phone)
-    assert [fault.place for fault in refused.value.faults] == ["location", "signal", "body", "size", "from", "to"]
+    wrong = Hidden("heat_source", "moon", "fan_on", -1.0, -2.0, 99.0, "hand")
+    assert refused_places(checked, wrong, phone) == ["location", "signal", "body", "size", "from", "to"]
     for cause, place in (("path", "usb-usb"), ("path", "usb"), ("sensor_bias", "frame"), ("contact", "soc")):
-        with pytest.raises(Refused) as refused:
-            simulate("2.1", hide=[Hidden(cause, place, size=0.1)])
-        assert [fault.place for fault in refused.value.faults] == ["location"]
+        assert refused_places(simulate, "2.1", hide=[Hidden(cause, place, size=0.1)]) == ["location"]
     with pytest.raises(Refused, match="warmth"):
         checked(Hidden("warmth"), phone)
     for size in (float("nan"), float("inf")):
@@ -207,9 +205,7 @@ def test_what_cannot_be_is_refused_with_every_fault_and_what_is_outside_the_run(
             checked(Hidden("thermal_mass", "display", size=size), phone)
     late = Hidden("sensor_bias", "usb", None, 1e5, None, 1.0)
     long = Hidden("heat_source", "soc", "radio_on", 0.0, 1e6, 1.0)
-    with pytest.raises(Refused) as refused:
-        simulate_many([("1", 0, [late, long, replace(long, end_s=1000.0)])], decoys=["noise"])
-    assert [fault.place for fault in refused.value.faults] == [
+    assert refused_places(simulate_many, [("1", 0, [late, long, replace(long, end_s=1000.0)])], decoys=["noise"]) == [
         *("effect 1 (sensor_bias), from", "effect 2 (heat_source), to", "effect 3 (heat_source), signal"),
         "decoy 'noise'",
     ]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from ambient_model.codec import decode, encode
-from ambient_model.faults import Refused
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.search import Cancelled, Progress
 from ambient_trainer.estimators.base import Effort
@@ -16,6 +15,7 @@ from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.estimators.report import report_of
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.report import Finding
+from refusals import refused
 
 from .conftest import logged
 
@@ -89,9 +89,7 @@ def test_heat_that_nobody_logs_is_seen_by_the_guard(model, free):
     ],
 )
 def test_a_log_that_lacks_something_is_refused_before_anything_is_searched(change, place, observer_file, brick_log):
-    with pytest.raises(Refused) as refused:
-        estimator(observer_file).fit([change(brick_log)], *cancelled(0))
-    assert place in str(refused.value)
+    assert place in str(refused(estimator(observer_file).fit, [change(brick_log)], *cancelled(0)))
 
 
 def without(log: Trace, name: str) -> Trace:

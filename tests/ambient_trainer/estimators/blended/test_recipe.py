@@ -7,17 +7,15 @@ from typing import Any
 import pytest
 import yaml
 
-from ambient_model.faults import Refused
 from ambient_trainer.estimators.blended.recipe import find_recipe, read_recipe, recipe_names
+from refusals import refused
 
 SHIPPED = resources.files("ambient_trainer.estimators.library") / "phone_observer.yaml"
 DATA = yaml.safe_load(SHIPPED.read_text())
 
 
 def faults(data: Any, source: str = "mine.yaml") -> list[str]:
-    with pytest.raises(Refused) as refused:
-        read_recipe(data, source)
-    return [str(each) for each in refused.value.faults]
+    return [str(each) for each in refused(read_recipe, data, source).faults]
 
 
 def changed(**places: Any) -> Any:

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from ambient_model.faults import Refused
 from ambient_trainer.data.plugins import plugin_names
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory import instruments
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.collect import laboratory_path
+from refusals import refused
 
 METER = '''
 """A meter that answers T? by a number of kelvin."""
@@ -73,14 +73,10 @@ def test_one_file_adds_an_instrument(meter, night):
 
 def test_its_settings_are_checked_and_it_is_known_by_its_file_only(campaign_file, meter):
     link = {"kind": "kelvin-meter", "port": "/dev/ttyUSB9", "address": 5}
-    with pytest.raises(Refused) as refused:
-        load_campaign(campaign_file(changes={"instruments.thermometer": link}), ports=False)
-    (fault,) = refused.value.faults
+    (fault,) = refused(load_campaign, campaign_file(changes={"instruments.thermometer": link}), ports=False).faults
     assert fault.place == "laboratory.instruments.thermometer.address"
     plugin_names.cache_clear()
     instruments.__path__.pop()
-    with pytest.raises(Refused) as refused:
-        load_campaign(campaign_file(changes={"instruments.thermometer": link}), ports=False)
-    (fault,) = refused.value.faults
+    (fault,) = refused(load_campaign, campaign_file(changes={"instruments.thermometer": link}), ports=False).faults
     assert fault.place == "laboratory.instruments.thermometer.kind"
     assert "greisinger-easybus" in str(fault)
