@@ -133,16 +133,6 @@ def test_a_folder_a_pipe_and_no_file_are_no_reference(device):
     assert not device.learner.report().last.counted
 
 
-def test_a_liar_of_ten_degrees_a_day_moves_nothing_and_one_of_two_stays_within_the_bound(device):
-    for _ in range(30):
-        device.write(b"31.0 3.0")
-        assert device.tick(DAY_S) == 0
-    for _ in range(60):
-        device.write(b"23.0 0.5")
-        assert device.tick() <= 1.0
-        device.unix_s += DAY_S
-
-
 def test_it_outlives_a_restart_and_is_forgotten_by_the_calendar(device, tmp_path):
     device.write(b"21.5 0.5\n")
     learnt = device.tick()

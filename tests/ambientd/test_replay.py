@@ -3,7 +3,6 @@
 import csv
 import math
 import random
-from itertools import pairwise
 
 import pytest
 
@@ -49,19 +48,6 @@ def test_a_missing_value_is_coasted_over_and_a_long_gap_is_an_empty_cell(ambient
     assert [row["status"] for row in said[50:90]] == ["coasting"] * 30 + ["faulted"] * 10
     assert (said[85]["ambient_degC"], said[85]["low_degC"], said[85]["high_degC"]) == ("", "", "")
     assert float(said[79]["ambient_degC"]) == pytest.approx(23.0)
-
-
-def test_a_slow_trace_with_jitter_keeps_its_time(ambientd, model_file, write_trace, tmp_path):
-    """Steps of 9.97 and 10.04 s on a model of 1 s are ten of its steps each."""
-    rows = [(0.0, 30.0, 25.0)]
-    for k in range(400):
-        rows.append((round(rows[-1][0] + (9.97, 10.04, 9.99)[k % 3], 3), 40.0, 25.0))
-    out = tmp_path / "out.csv"
-    assert ambientd("replay", model_file, write_trace(rows), "-o", out).returncode == 0
-    said = rows_of(out)
-    assert [row["status"] for row in said[-100:]] == ["tracking"] * 100
-    assert float(said[-1]["ambient_degC"]) == pytest.approx(40 + 0.8 * (25 - 40) - 3, abs=1e-6)
-    assert all(float(b["ambient_degC"]) <= float(a["ambient_degC"]) for a, b in pairwise(said[2:]))
 
 
 REFUSALS = [
