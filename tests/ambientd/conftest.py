@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -161,6 +162,35 @@ def configure(tmp_path: Path, model_file: str, phone: FakeSysfs) -> Callable[...
         return path
 
     return write
+
+
+WHOLE: dict[str, Any] = {
+    "model": "phone.json",
+    "rate_hz": 10,
+    "sysfs_root": "/fake",
+    "level_percent": 98,
+    "zones": {"usb": "usbc-therm-adc"},
+    "zones_by_name": "links",
+    "sensors": {
+        "skin": {"zone": "quiet-therm"},
+        "inlet": {"hwmon": "nct6775", "label": "SYSTIN"},
+        "battery": {"power_supply": "battery", "property": "temp"},
+        "battery_current": {"power_supply": "bms", "property": "current_now", "sign": -1},
+        "battery_voltage": {"power_supply": "bms", "property": "voltage_now"},
+    },
+    "supervision": {"stuck_after_s": 3600, "stuck_within_K": 0.1, "jump_K_per_s": 0.5},
+    "coast_s": 5,
+    "state": {"path": "s", "max_age_s": 100},
+    "access": {"mode": "0640", "owner": 0, "group": "0"},
+    "publish": [
+        "stdout",
+        "file-in-place:/run/a",
+        "socket:s",
+        {"kind": "file", "path": "/run/b", "mode": "in-place", "poison_millidegC": -274000, "at_exit": "poison"},
+        {"kind": "file", "path": "/run/c", "offset_millidegC": 7},
+    ],
+}
+"""A configuration with every key."""
 
 
 @pytest.fixture

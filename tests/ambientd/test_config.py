@@ -5,6 +5,7 @@ import json
 import pytest
 
 from ambientd.config import Settings, StateSpec, load_settings, settings_for_model
+from ambientd.publish.access import Access
 from ambientd.publish.file import Options
 from ambientd.publish.spec import Spec
 from ambientd.sources.assign import open_sensors
@@ -13,6 +14,8 @@ from ambientd.sources.power_supply import PowerSupply
 from ambientd.sources.supervision import Rules
 from ambientd.sources.zone import Zone
 from refusals import refused
+
+from .conftest import WHOLE
 
 
 def saved(tmp_path, text, name="ambientd.yaml"):
@@ -25,34 +28,8 @@ def refusal(path):
     return str(refused(load_settings, path))
 
 
-WHOLE = {
-    "model": "phone.json",
-    "rate_hz": 10,
-    "sysfs_root": "/fake",
-    "level_percent": 98,
-    "zones": {"usb": "usbc-therm-adc"},
-    "zones_by_name": "links",
-    "sensors": {
-        "skin": {"zone": "quiet-therm"},
-        "inlet": {"hwmon": "nct6775", "label": "SYSTIN"},
-        "battery": {"power_supply": "battery", "property": "temp"},
-        "battery_current": {"power_supply": "bms", "property": "current_now", "sign": -1},
-        "battery_voltage": {"power_supply": "bms", "property": "voltage_now"},
-    },
-    "supervision": {"stuck_after_s": 3600, "stuck_within_K": 0.1, "jump_K_per_s": 0.5},
-    "coast_s": 5,
-    "state": {"path": "s", "max_age_s": 100},
-    "publish": [
-        "stdout",
-        "file-in-place:/run/a",
-        "socket:s",
-        {"kind": "file", "path": "/run/b", "mode": "in-place", "poison_millidegC": -274000},
-    ],
-}
-
-
 def test_every_key_is_taken_the_same_from_json_and_yaml(tmp_path):
-    text = json.dumps(WHOLE)  # which is YAML, too
+    text, theirs = json.dumps(WHOLE), Access(0o640, 0, 0)  # JSON is YAML, too
     for name in ("c.json", "c.yaml"):
         path = saved(tmp_path, text, name)
         assert load_settings(path) == Settings(
@@ -62,10 +39,12 @@ def test_every_key_is_taken_the_same_from_json_and_yaml(tmp_path):
             sysfs_root="/fake",
             publish=(
                 Spec("stdout"),
-                Spec("file-in-place", "/run/a"),
-                Spec("socket", str(tmp_path / "s")),
-                Spec("file-in-place", "/run/b", options=Options(poison_millidegC=-274000)),
+                Spec("file-in-place", "/run/a", access=theirs),
+                Spec("socket", str(tmp_path / "s"), access=theirs),
+                Spec("file-in-place", "/run/b", theirs, Options(poison_millidegC=-274000, at_exit="poison")),
+                Spec("file", "/run/c", theirs, Options(offset_millidegC=7)),
             ),
+            access=theirs,
             level_percent=98,
             zones={"usb": "usbc-therm-adc"},
             zones_by_name=str(tmp_path / "links"),
@@ -78,7 +57,7 @@ def test_every_key_is_taken_the_same_from_json_and_yaml(tmp_path):
             },
             supervision=Rules(3600.0, 0.1, 0.5),
             coast_s=5.0,
-            state=StateSpec(str(tmp_path / "s"), 100.0),
+            state=StateSpec(str(tmp_path / "s"), 100.0, theirs),
         )
 
 

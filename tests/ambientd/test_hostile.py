@@ -29,6 +29,8 @@ from ambientd.state import StateFile
 from documents import anything, at, damaged, ways, with_value
 from processes import ran
 
+from .conftest import WHOLE
+
 MEMORY = 96 * 2**20
 """Address space, of which a bare interpreter takes a third; the unit allows 64 MiB of memory."""
 CPU_S = 30
@@ -268,23 +270,6 @@ def test_a_model_of_any_coefficients_runs_sound_or_is_refused(data, drawn):
         assert_sound(model, FallbackTracker(model, 1.0, level), drawn)
 
 
-FILE = {"kind": "file", "path": "/b", "mode": "in-place", "poison_millidegC": -1, "at_exit": "poison"}
-WHOLE = {
-    "model": "m.json",
-    "rate_hz": 10,
-    "level_percent": 98,
-    "coast_s": 60,
-    "state": {"path": "/var/lib/s", "max_age_s": 30},
-    "zones": {"usb": "usbc-therm-adc"},
-    "sensors": {
-        "current": {"power_supply": "battery", "property": "current_now", "sign": -1},
-        "skin": {"hwmon": "chip", "label": "skin"},
-        "cpu": {"zone": "cpu-0-0"},
-    },
-    "supervision": {"stuck_after_s": 1800, "stuck_within_K": 0.1, "jump_K_per_s": 20},
-    "access": {"mode": "0640", "owner": 0, "group": "0"},
-    "publish": ["stdout", "socket:s", {**FILE, "offset_millidegC": 7}],
-}
 numbers = st.sampled_from([0, -0.0, 1, 1e-320, 0.999999, 1e12, -1e12, 1e300, 10**400])
 """As YAML, or JSON, which is YAML, too."""
 
