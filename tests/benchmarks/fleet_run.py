@@ -13,9 +13,24 @@ from ambient_trainer.fleet.run import Question, fit_fleet
 
 
 class Timed(Engine):
-    """This process; ``task_s`` is the time of the tasks alone, without what keeps, reads and writes their results."""
+    """Another engine, or this process; ``start_s`` is how long it takes to start, ``task_s`` the time of this process's
+    tasks alone, without what keeps, reads and writes their results."""
 
-    task_s = 0.0
+    start_s, task_s = 0.0, 0.0
+
+    def __init__(self, engine: Engine | None) -> None:
+        self._engine = engine
+
+    def __enter__(self) -> Engine:
+        since = time.perf_counter()
+        if self._engine:
+            self._engine.__enter__()
+        self.start_s = time.perf_counter() - since
+        return self
+
+    def __exit__(self, *given: object) -> None:
+        if self._engine:
+            self._engine.__exit__(*given)
 
     def run(self, job, numbers):
         def timed(*args):
@@ -24,42 +39,20 @@ class Timed(Engine):
             self.task_s += time.perf_counter() - since
             return found
 
-        return super().run(job._replace(task=timed), numbers)
-
-
-class Started(Engine):
-    """Another engine; ``start_s`` is how long that takes to start."""
-
-    start_s = 0.0
-
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
-
-    def __enter__(self) -> Engine:
-        since = time.perf_counter()
-        self._engine.__enter__()
-        self.start_s = time.perf_counter() - since
-        return self
-
-    def __exit__(self, *given: object) -> None:
-        self._engine.__exit__(*given)
-
-    def run(self, job, numbers):
-        return self._engine.run(job, numbers)
+        return self._engine.run(job, numbers) if self._engine else super().run(job._replace(task=timed), numbers)
 
 
 def main() -> None:
     path, name, workers = sys.argv[1:]
-    engine = Timed() if name == "serial" else engine_of(name, int(workers))
-    started = Started(engine)
+    engine = Timed(None if name == "serial" else engine_of(name, int(workers)))
     with tempfile.TemporaryDirectory() as folder:
         begun = time.perf_counter()
-        fit_fleet(Question(path, "free-2", effort=Effort(starts=4)), folder, started)
+        fit_fleet(Question(path, "free-2", effort=Effort(starts=4)), folder, engine)
         done = time.perf_counter()
     found = {
-        "start_s": started.start_s,
-        "run_s": done - begun - started.start_s,
-        "task_s": getattr(engine, "task_s", None),
+        "start_s": engine.start_s,
+        "run_s": done - begun - engine.start_s,
+        "task_s": engine.task_s,
         "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
         "load": os.getloadavg()[0],
     }

@@ -4,7 +4,6 @@ The laboratory is simulated, on pseudo-terminals and a real shell; its clock is 
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,22 +22,6 @@ PERIOD_S = 0.5
 SLOW_S = 3.0
 MOST_S = 0.05
 """What issue and README promise."""
-
-
-class _SlowDown:
-    """A monitor that shows nothing and lets an instrument answer late from its first look on."""
-
-    def __init__(self, instrument: Any) -> None:
-        self._instrument = instrument
-
-    def update(self, run: Run) -> None:
-        """The first look is the beginning."""
-        for _ in range(200 if self._instrument else 0):
-            distort(self._instrument, bytes, SLOW_S)
-        self._instrument = None
-
-    def event(self, at_s: float, text: str) -> None:
-        """Nothing."""
 
 
 def _campaign(tmp_path: Path) -> str:
@@ -65,8 +48,14 @@ def test_lateness(benchmark, tmp_path, noted, slow, others) -> None:
         clock = Clock()
         with simulated_laboratory(loaded, clock) as there:
             job = Job(there.loaded, str(tmp_path / "trace.csv"), 1.0, True, there.environment)
-            monitor = _SlowDown(getattr(there, slow, None))
-            collected = collect(job, Supervision(monitor.update, monitor.event, lambda: None, lambda: False))
+            late = [getattr(there, slow)] * 200 if slow != "none" else []
+
+            def slow_down(run: Run) -> None:
+                """From the first look on, which is the beginning."""
+                while late:
+                    distort(late.pop(), bytes, SLOW_S)
+
+            collected = collect(job, Supervision(slow_down, lambda *_: None, lambda: None, lambda: False))
         return [entry for entry in collected.record.entries if isinstance(entry, Sample)]
 
     samples = benchmark.pedantic(run, rounds=1, iterations=1)
