@@ -11,7 +11,12 @@ from ambient_studies.mitigation.score import scores
 from ambient_studies.mitigation.setting import Knowledge, Room, room_of
 from ambient_trainer.data.trace import Trace
 
-from .sample_report import SETTING, STANDBY_W, runs
+from .sample_report import SETTING, STANDBY_W, constant_model, runs
+
+
+def test_a_model_of_another_device_is_refused(trainer, saved):
+    status, _, err = trainer("mitigate", saved(constant_model(20.0, "ch102")))
+    assert (status, "reads ch102_degC" in err) == (1, True)
 
 
 @pytest.mark.parametrize(("text", "temps"), [("5", (5.0,)), ("-3.5", (-3.5,)), ("35/5/35", (35.0, 5.0, 35.0))])

@@ -1,4 +1,4 @@
-"""A circuit file is taken whole or refused with every fault and its place."""
+"""A circuit file is taken whole or refused with every fault and its place; what is written is read back the same."""
 
 import contextlib
 import re
@@ -6,12 +6,13 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
 from ambient_trainer.circuits.circuit import Circuit, Edge, Node, Output, Parameter
 from ambient_trainer.circuits.schema import circuit_names, load_circuit, parse_circuit
+from ambient_trainer.circuits.write import write_circuit
 from documents import anything, damaged
 from refusals import refused
 
@@ -198,3 +199,24 @@ _DAMAGED = st.builds(
 def test_anything_in_any_place_and_any_damage_is_taken_or_refused(text):
     with contextlib.suppress(Refused):
         assert isinstance(parse_circuit(text, "any.yaml"), Circuit)
+
+
+ONE_NODE = {
+    "format": "ambient-circuit",
+    "version": 1,
+    "name": "one",
+    "form": "rise",
+    "nodes": {"on": {"capacitance": 1.0, "sensor": "on"}},
+    "edges": [{"between": ["on", "ambient"], "resistance": 1.0}],
+    "outputs": {"ambient": {"states": "parallel"}},
+}
+
+
+BREAKS = "\x85 or \u2028 or \n breaks a line, \ufeff none: 20 \N{DEGREE SIGN}C"
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.from_type(Circuit))
+@example(parse_circuit(yaml.safe_dump({**ONE_NODE, "about": BREAKS}), "one node"))
+def test_every_circuit_comes_back(circuit):
+    assert parse_circuit(write_circuit(circuit), "written") == circuit

@@ -1,14 +1,13 @@
-"""Wrong calls of the product's commands: what is wrong is named before the work, and nothing is written."""
+"""Wrong calls of commands, the studies' too: what is wrong is named before the work, and nothing is written."""
 
 import os
 import shlex
 
-import numpy as np
 import pytest
 
-from ambient_trainer.data.trace import Trace, save_trace
+from ambient_trainer.data.trace import save_trace
 
-from ..evaluation.conftest import two_sensor_model
+from ..evaluation.conftest import sensor_trace, two_sensor_model
 
 # the call, its status, and what the message names
 CALLS = [
@@ -70,19 +69,38 @@ CALLS = [
     ("collect 1 --simulate -o nowhere/o.csv", 2, "no folder"),
     ("collect 1 -o o.csv", 1, "laboratory.instruments.chamber.port: /dev/ttyUSB0"),
     ("collect no.yaml -o o.csv", 1, "no.yaml: cannot be read"),
+    ("limit m.json --seeds '3;4'", 2, "'--seeds': '3;4'"),
+    ("limit m.json --fitted 0", 2, "0 is not in the range"),
+    ("limit m.json --json nowhere/out.json", 2, "there is no folder "),
+    ("limit m.json --scenarios 9", 1, "'9'"),
+    ("mitigate m.json --limit 35", 2, "--limit 35 is not above --hottest 35"),
+    ("mitigate m.json --seed 0", 2, "0 is not in the range x>=1"),
+    ("mitigate m.json --workload idle", 2, "'idle' is not one of 'cpu_100', 'cpu_50', 'camera_1080p', 'camera_4k'"),
+    ("mitigate m.json --lose usb 5 5", 2, "--lose usb 5 5 ends before it begins"),
+    ("mitigate m.json --room warm", 1, "--room: 'warm' is no temperature; write 5, or 35/5/35 for a walk"),
+    (
+        "mitigate m.json --sensor nose",
+        1,
+        "--sensor: the simulated phone has no zone 'nose'; it has soc, ",
+    ),
+    (
+        "mitigate m.json --lose modem 1 2",
+        1,
+        "neither the model nor; reads 'modem'; lose one of usb, battery, soc",
+    ),
+    ("mitigate m.json --json m.json", 2, "would be overwritten by what is made from it"),
+    ("units m.json --count 1", 2, "1 is not in the range"),
 ]
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch, saved):
     """Two traces and a model."""
-    random = np.random.default_rng(1)
-    usb, battery = 25.0 + np.cumsum(random.normal(0.0, 0.3, (2, 300)), axis=1)
-    columns = {"usb_degC": usb, "battery_degC": battery, "ambient_degC": usb - 3.0}
     for name in ("t.csv", "u.csv"):
-        save_trace(str(tmp_path / name), Trace(name, 2.0 * np.arange(300), columns))
+        save_trace(str(tmp_path / name), sensor_trace(300, period_s=2.0))
     os.rename(saved(two_sensor_model()), tmp_path / "m.json")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("ambient_studies.mitigation.comparison.training_trace", None)
     return tmp_path
 
 

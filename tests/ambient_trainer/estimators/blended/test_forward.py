@@ -1,10 +1,11 @@
-"""The forward simulation against an integrator, and the recovery of a device's constants from its log."""
+"""The forward simulation against an integrator; a device's constants and its ambient's come back from its log."""
 
 import numpy as np
 import pytest
 
 from ambient_trainer.estimators.blended.forward import Forward
 from ambient_trainer.estimators.blended.recipe import find_recipe
+from ambient_trainer.estimators.blended.training_set import fit_ambient
 from ambient_trainer.estimators.library.recipes import record_of
 
 from .conftest import TRUTH
@@ -56,3 +57,19 @@ def test_what_is_believed_holds_where_the_log_says_nothing(observer_file, brick_
     found = forward.fit([record_of(stubborn, brick_log.columns)], 5.0, lambda *_: None)
     first = {name: found.values[name] for name in ("C_chip", "C_board", "C_shell")}
     assert first == pytest.approx({"C_chip": 3, "C_board": 15, "C_shell": 40}, rel=0.01)
+
+
+def test_a_swing_a_slope_and_noise_come_back():
+    random = np.random.default_rng(1)
+    count = 8 * 720
+    time_s = 5.0 * np.arange(count)
+    noise = np.zeros(count)
+    for k in range(1, count):
+        noise[k] = 0.9 * noise[k - 1] + 0.1 * np.sqrt(1 - 0.81) * random.standard_normal()
+    steps = np.interp(time_s, [0, 7200, 8200, 28_000], [10, 10, 40, 40])
+    found = fit_ambient([steps + 0.8 * np.sin(2 * np.pi * time_s / 900) + noise], 5.0, "log")
+    assert found.swing_K == pytest.approx(0.8, rel=0.05)
+    assert found.swing_period_s == pytest.approx(900, rel=0.02)
+    assert found.noise_K == pytest.approx(0.1, rel=0.2)
+    assert found.noise_memory == pytest.approx(0.9, abs=0.05)
+    assert found.slope_K_s == pytest.approx(0.03 + 0.8 * 2 * np.pi / 900, rel=0.1)

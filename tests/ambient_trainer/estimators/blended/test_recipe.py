@@ -4,10 +4,14 @@ import copy
 from importlib import resources
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.blended.recipe import find_recipe, read_recipe, recipe_names
+from ambient_trainer.estimators.library.recipes import recipe_filter
 from refusals import refused
 
 SHIPPED = resources.files("ambient_trainer.estimators.library") / "phone_observer.yaml"
@@ -45,6 +49,18 @@ def test_an_observer_is_found_by_name_or_file_with_its_circuit_and_a_circuit_is_
     assert find_recipe(str(tmp_path / "circuit.yaml")) is None
     recipe, circuit = find_recipe(observer_file)
     assert (recipe.name, circuit.name) == ("brick_observer", "brick")
+
+
+def test_the_search_for_a_filter_keeps_to_the_bounds_of_the_recipe(observer_file):
+    rules = find_recipe(observer_file)[0].filter
+    u = 20 + np.cumsum(np.random.default_rng(10).standard_normal((3, 2000)), axis=1)
+    structure = recipe_filter({"logged": [Segment(1.0, u, u.mean(axis=0)[None] - 1)]}, {"logged": 1.0}, rules, 1.0)
+    best = search(structure, 1, 0).best
+    slowest, second = sorted(abs(1 / np.linalg.eigvals(structure.system(best.theta, best.beta).A)))[::-1][:2]
+    assert slowest <= rules.slow.slowest_s * 1.01
+    assert np.exp(best.theta[1]) >= np.cosh(np.log(rules.slow.least_ratio) / 2) * 0.999
+    assert np.exp(best.theta[3]) >= rules.fast.least_damping - 0.001
+    assert second > 0
 
 
 @pytest.mark.parametrize(
