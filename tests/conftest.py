@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import importlib
+import json
 import os
 import pty
 import select
@@ -18,6 +19,10 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import pytest
 from hypothesis import settings
+from threadpoolctl import threadpool_limits
+
+from broker import Broker
+from processes import wait_until
 
 if TYPE_CHECKING:
     from ambient_model.model import Model
@@ -45,6 +50,13 @@ def pytest_xdist_auto_num_workers() -> int:
     return max(1, len(os.sched_getaffinity(0)) * 3 // 2)
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _one_thread() -> Iterator[None]:
+    """Four BLAS threads make the algebra of 5 x 5 matrices many times slower."""
+    with threadpool_limits(1):
+        yield
+
+
 MAINS = {"ambient-trainer": "ambient_trainer.cli.main", "ambientd": "ambientd.__main__"}
 
 
@@ -67,6 +79,18 @@ def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
 def trainer(call: Callable[..., tuple[Any, str, str]]) -> Callable[..., tuple[Any, str, str]]:
     """As ``call``, of ``ambient-trainer``."""
     return functools.partial(call, "ambient-trainer")
+
+
+@pytest.fixture
+def figures(trainer: Callable[..., tuple[Any, str, str]], tmp_path: Path) -> Callable[..., tuple[Any, str]]:
+    """Runs a command of ``ambient-trainer`` that has nothing to complain of: its ``--json``, and what it prints."""
+
+    def run(*arguments: object) -> tuple[Any, str]:
+        status, printed, said = trainer(*arguments, "--json", tmp_path / "figures.json")
+        assert (status, said) == (0, "")
+        return json.loads((tmp_path / "figures.json").read_text()), printed
+
+    return run
 
 
 @pytest.fixture
@@ -113,17 +137,32 @@ def _read(terminal: int, patience_s: float) -> bytes:
     return b""
 
 
+BESIDE = Path(__file__).parents[2] / "shared"
+
+
+@pytest.fixture(scope="session")
+def beside() -> Callable[[str], Path]:
+    """The path of what others measured, wrote or built; where it is not beside the repository, the test skips."""
+
+    def find(place: str) -> Path:
+        path = BESIDE / place
+        return path if path.exists() else pytest.skip(f"{path} is not there")
+
+    return find
+
+
 @pytest.fixture(scope="session")
 def until() -> Callable[..., None]:
     """Waits until a condition holds; the limit only ends a test that has failed."""
+    return wait_until
 
-    def wait(condition: Callable[[], object], why: str = "waited in vain", seconds: float = 20.0) -> None:
-        end_s = time.monotonic() + seconds
-        while not condition():
-            assert time.monotonic() < end_s, why
-            time.sleep(0.01)
 
-    return wait
+@pytest.fixture
+def broker(tmp_path: Path) -> Iterator[Broker]:
+    """A running mosquitto; where there is none, the test skips."""
+    made = Broker(tmp_path)
+    yield made
+    made.stop()
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,6 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from threadpoolctl import threadpool_limits
 
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.circuit import Circuit
@@ -17,22 +16,6 @@ from ambient_trainer.lti.statespace import StateSpace
 
 REPOSITORY = Path(__file__).parents[2]
 CIRCUITS = REPOSITORY / "tests" / "data" / "circuits"
-
-
-@pytest.fixture(autouse=True, scope="session")
-def _one_thread():
-    """Four BLAS threads make the algebra of 5 x 5 matrices many times slower."""
-    with threadpool_limits(1):
-        yield
-
-
-@pytest.fixture(scope="session")
-def measured_folder() -> Path:
-    """The measured files as others logged them."""
-    folder = REPOSITORY.parent / "shared" / "measured"
-    if not folder.is_dir():
-        pytest.skip(f"the measured files are not at {folder}")
-    return folder
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,5 @@
 """What is believed of the readings, and when what failed is tried again: rules of time, without a clock."""
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -149,14 +147,9 @@ def test_a_dead_sensor_that_flickers_stands_still_within_a_width():
     }
 
 
-S25_ZONES = Path(__file__).parents[3] / "shared" / "measured" / "s25plus-zones" / "s25_zones_tidy.csv"
-
-
-def test_the_dead_zone_of_a_real_phone_is_set_aside_and_no_other():
+def test_the_dead_zone_of_a_real_phone_is_set_aside_and_no_other(beside):
     """A Galaxy S25+ for 17 hours: its AMBIENT zone says 25.44 to 25.50 degC, also in the cold."""
-    if not S25_ZONES.exists():
-        pytest.skip(f"no {S25_ZONES}: the measured zones are not part of the repository")
-    with open(S25_ZONES) as stream:
+    with open(beside("measured/s25plus-zones/s25_zones_tidy.csv")) as stream:
         header, *rows = (line.rstrip("\n").split(",")[:8] for line in stream)
     inputs = [Input(name, "degC", name, -40.0, 120.0) for name in header[1:]]
     start_s = float(rows[0][0])

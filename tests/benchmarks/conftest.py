@@ -4,7 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from threadpoolctl import threadpool_limits
 
 from ambient_model.model import Estimator, Matrix, Model
 from ambient_trainer.circuits.schema import load_circuit
@@ -39,12 +38,6 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     terminalreporter.section("side by side, one BLAS thread")
     for row in [HEADER, *rows]:
         terminalreporter.write_line("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip())
-
-
-@pytest.fixture(autouse=True, scope="session")
-def _one_thread():
-    with threadpool_limits(1):
-        yield
 
 
 @pytest.fixture

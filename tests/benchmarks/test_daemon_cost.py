@@ -24,7 +24,7 @@ from ambient_model.codec import save_model
 from ambient_model.model import ErrorVariance, Model, Secondary, Term
 from ambient_trainer.simulator.simulate import simulate
 from device import add_zone
-from processes import resident_kB
+from processes import resident_kB, wait_until
 
 ROOT = Path(__file__).parents[2]
 BARE = Path(__file__).parent / "bare_loop.py"
@@ -136,9 +136,7 @@ def _first_value_s(command: list[str], target: Path) -> float:
     target.unlink(missing_ok=True)
     start_s = time.monotonic()
     with _running(command):
-        while not target.exists():
-            assert time.monotonic() < start_s + 30, "nothing is published"
-            time.sleep(0.0005)
+        wait_until(target.exists, "nothing is published")
         return time.monotonic() - start_s
 
 
@@ -213,19 +211,11 @@ def _ticks_until(target: Path, end_s: float) -> int:
     return len(seen)
 
 
-def _await(target: Path) -> None:
-    """Wait for the first value of a daemon that has started while there was none."""
-    end_s = time.monotonic() + 60
-    while not target.exists():
-        assert time.monotonic() < end_s, "nothing is published"
-        time.sleep(0.01)
-
-
 def _system_calls(command: list[str], target: Path) -> float:
     """A tick's system calls, of all threads."""
     target.unlink(missing_ok=True)
     with _running(command) as process:
-        _await(target)
+        wait_until(target.exists, "nothing is published", 60.0)
         summary = target.with_suffix(".strace")
         words = ["strace", "-f", "-c", "-U", "calls,name", "-o", str(summary), "-p", str(process.pid)]
         tracer = subprocess.Popen(words, stderr=subprocess.DEVNULL)
@@ -241,7 +231,7 @@ def _instructions(command: list[str], target: Path) -> float:
     target.unlink(missing_ok=True)
     words = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={found}", *command]
     with _running(words) as process:
-        _await(target)
+        wait_until(target.exists, "nothing is published", 60.0)
         time.sleep(SETTLED_S)
         control = ["callgrind_control", "--zero", str(process.pid)]
         subprocess.run(control, check=True, capture_output=True)

@@ -6,6 +6,7 @@ Where there is no compiler, the cases that need it skip and say so.
 
 import contextlib
 import errno
+import itertools
 import json
 import math
 import mmap
@@ -25,7 +26,7 @@ import pytest
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model
 from device import add_zone
-from processes import ran
+from processes import content_of, ran, wait_until
 
 HERE = Path(__file__).parent
 POISON_MILLIDEGC = 99000
@@ -66,15 +67,6 @@ def made_model() -> Model:
     others = {"usb": estimator(*without_usb), "battery": estimator(*without_battery)}
     steps = tuple((20.0 + k % 5, 21.0, 30.0 - 0.5 * k) for k in range(20))
     return Model("campaign", "2024-05-01", "ambient_degC", main, others, {}, conformance_of(main, steps))
-
-
-def eventually(condition: Callable[[], Any], why: str = "waited in vain", seconds: float = 60.0) -> Any:
-    """What ``condition`` says once it is true; the limit only ends a test that has failed."""
-    end = time.monotonic() + seconds
-    while not (found := condition()):
-        assert time.monotonic() < end, why
-        time.sleep(0.0005)
-    return found
 
 
 _BOOT, _WALL, _DUE, _ASLEEP = range(4)
@@ -172,13 +164,6 @@ def number_in(content: bytes) -> int:
     return int(content)
 
 
-def content_of(path: Path) -> bytes | None:
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        return None
-
-
 class Outputs:
     """The folder that the daemon publishes in, seen by a consumer."""
 
@@ -226,7 +211,7 @@ class Outputs:
 class Daemon:
     """The running process; its log goes to a file, and its clock stands until it is moved."""
 
-    def __init__(self, process: "subprocess.Popen[bytes]", outputs: Outputs, log_path: Path, clock: Clock):
+    def __init__(self, process: "subprocess.Popen[str]", outputs: Outputs, log_path: Path, clock: Clock):
         self.process = process
         self.outputs = outputs
         self._log_path = log_path
@@ -249,8 +234,8 @@ class Daemon:
         """Let so much time pass at once, and the daemon do what it does then."""
         self.clock.now_s += by_s
         if by_s < 0:
-            eventually(lambda: self.outputs.status()["time_s"] <= self.clock.now_s, "it waits for the old time")
-        eventually(lambda: self.clock.sleeper_waits() or self.process.poll() is not None, "no tick came")
+            wait_until(lambda: self.outputs.status()["time_s"] <= self.clock.now_s, "it waits for the old time")
+        wait_until(lambda: self.clock.sleeper_waits() or self.process.poll() is not None, "no tick came", 60.0)
         assert self.process.poll() is None, self._log_path.read_text()
 
     def step(self, by_s: float = 1.0) -> dict[str, Any]:
@@ -330,32 +315,23 @@ def patience_s(request: pytest.FixtureRequest) -> float:
 
 
 @pytest.fixture
-def start(
-    tmp_path: Path, device_library: Path, clock: Clock, config: Callable[..., Path], patience_s: float
-) -> Iterator[Start]:
-    """The daemon on the device, at its first tick; its clock stands there until the test moves it.
-
-    What still runs at the end of the test is killed.
-    """
-    running: list[Daemon] = []
+def start(tmp_path: Path, device_library: Path, clock: Clock, config, patience_s: float, spawn) -> Start:
+    """The daemon on the device, at its first tick; its clock stands there until the test moves it."""
+    numbers = itertools.count()
     env = {**os.environ, "LD_PRELOAD": str(device_library), "CAMPAIGN_CLOCK": str(clock.path)}
 
     def started(outputs: Outputs | None = None, log: int | None = None, **keys: Any) -> Daemon:
-        outputs = outputs or Outputs(tmp_path / f"out-{len(running)}")
-        log_path = tmp_path / f"log-{len(running)}"
+        number = next(numbers)
+        outputs, log_path = outputs or Outputs(tmp_path / f"out-{number}"), tmp_path / f"log-{number}"
         call = [sys.executable, "-c", PATIENT.format(patience_s), "run", "--config", str(config(outputs, **keys))]
         clock.forget_sleeper()
         with open(log_path, "wb") as stream:
-            process = subprocess.Popen(call, stdin=subprocess.DEVNULL, stderr=stream if log is None else log, env=env)
-        running.append(Daemon(process, outputs, log_path, clock))
-        running[-1].settled()
-        return running[-1]
+            process = spawn(call, stdout=None, stderr=stream if log is None else log, env=env)
+        daemon = Daemon(process, outputs, log_path, clock)
+        daemon.settled()
+        return daemon
 
-    yield started
-    for daemon in running:
-        with contextlib.suppress(ProcessLookupError):
-            daemon.process.kill()
-        daemon.process.wait()
+    return started
 
 
 @pytest.fixture

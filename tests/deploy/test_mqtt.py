@@ -3,7 +3,6 @@
 import itertools
 import json
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -15,18 +14,7 @@ CONFIGS = [f"homeassistant/sensor/phone_{name}/config" for name in ("ambient", "
 
 
 @pytest.fixture
-def broker(tmp_path, program, spawn):
-    """Start a mosquitto that forgets everything when it ends, always at the same address."""
-    pytest.importorskip("paho")
-    mosquitto = program("mosquitto")
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    (tmp_path / "mosquitto.conf").write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\npersistence false\n")
-    return port, lambda: spawn([mosquitto, "-c", str(tmp_path / "mosquitto.conf")], stdout=subprocess.DEVNULL)
-
-
-@pytest.fixture
-def retained(broker, until):
+def retained(broker):
     """What a client that connects now is told, by topic."""
     from paho.mqtt import client as mqtt
 
@@ -36,7 +24,7 @@ def retained(broker, until):
         client.on_connect = lambda *_: client.subscribe([("ambientd/#", 1), ("homeassistant/#", 1)])
         client.on_message = lambda client, data, message: heard.__setitem__(message.topic, message.payload.decode())
         try:
-            client.connect("127.0.0.1", broker[0])
+            client.connect("127.0.0.1", broker.number)
         except OSError:
             return {}
         end_s = time.monotonic() + 0.3
@@ -58,7 +46,7 @@ def states(broker):
     def listen():
         heard = []
         client.on_message = lambda client, data, message: heard.append(json.loads(message.payload))
-        client.connect("127.0.0.1", broker[0])
+        client.connect("127.0.0.1", broker.number)
         client.subscribe(STATE)
         client.loop_start()
         return heard
@@ -71,15 +59,14 @@ def states(broker):
 def test_it_follows_the_daemon_over_restarts_of_either_side(
     broker, retained, states, spawn, until, listen, deployed, model_file, phone
 ):
-    port, start_broker = broker
     path = str(phone.parent / "s")
     run = deployed("run", "--model", model_file, "--sysfs-root", phone, "--rate", "10", "--publish", f"socket:{path}")
-    call = [sys.executable, "-m", "ambientd.mqtt", path, "--port", str(port), "--device", "phone", "--stale-after", "2"]
+    call = [sys.executable, "-m", "ambientd.mqtt", path, "--device", "phone", "--stale-after", "2"]
+    call += ["--port", str(broker.number)]
 
     def ambient():
         return json.loads(retained().get(STATE, "{}")).get("ambient_degC")
 
-    mosquitto = start_broker()
     bridge = spawn(call, stdout=subprocess.DEVNULL, stderr=None)
     until(lambda: {*CONFIGS, AVAILABLE} <= retained().keys(), "nothing is discovered")
     assert retained()[AVAILABLE] == "offline", "there is no daemon yet"
@@ -107,9 +94,8 @@ def test_it_follows_the_daemon_over_restarts_of_either_side(
     spawn(run, env={}, stdout=subprocess.DEVNULL, stderr=None)
     until(lambda: retained().get(AVAILABLE) == "online", "the next daemon is not noticed")
 
-    mosquitto.kill()
-    mosquitto.wait()
-    start_broker()
+    broker.stop()
+    broker.start()
     until(lambda: {*CONFIGS, AVAILABLE, STATE} <= retained().keys(), "the next broker is not told")
     assert retained()[AVAILABLE] == "online"
 

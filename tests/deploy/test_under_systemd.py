@@ -2,12 +2,13 @@
 
 import json
 import shutil
-import socket
 import urllib.error
 import urllib.request
 from pathlib import Path
 
 import pytest
+
+from processes import free_port
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 GUIDE = DEPLOY / "node-exporter" / "README.md"
@@ -127,8 +128,7 @@ def test_node_exporter_as_debian_starts_it_serves_the_estimate(started, until):
     """After the one command of the guide; Debian's folder of text files lies in one of another user."""
     if not started.file("/usr/bin/prometheus-node-exporter").exists():
         pytest.skip("prometheus-node-exporter is not installed")
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        address = f"127.0.0.1:{free.getsockname()[1]}"
+    address = f"127.0.0.1:{free_port()}"
     started.file("/etc/default/prometheus-node-exporter").write_text(f'ARGS="--web.listen-address={address}"\n')
     [command] = [line for line in GUIDE.read_text().splitlines() if line.startswith("ln -s ")]
     started.run("sh", "-ec", command)

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import pytest
 
 ROOT = Path(__file__).parents[2]
-MEASURED = ROOT.parent / "shared" / "measured" / "thermal-shock-chamber" / "dat00002.csv"
 README = ROOT / "README.md"
 PAGES = {"README": README, "tutorial": ROOT / "trainer" / "docs" / "tutorial.md"}
 MOST_BYTES = 8192
@@ -37,10 +36,8 @@ def blocks(page: Path) -> list[Block]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
-def test_every_command_and_snippet_runs(name: str, tmp_path: Path) -> None:
-    if not MEASURED.exists():
-        pytest.skip("the measured chamber log is not beside this checkout")
-    shutil.copy(MEASURED, tmp_path)
+def test_every_command_and_snippet_runs(name: str, beside, tmp_path: Path) -> None:
+    shutil.copy(beside("measured/thermal-shock-chamber/dat00002.csv"), tmp_path)
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     environment = {**os.environ, "PATH": path, "NO_COLOR": "1"}
     ran = 0

@@ -10,7 +10,6 @@ import pytest
 from processes import ran
 
 ROOT = Path(__file__).resolve().parents[2]
-MEASURED = ROOT.parent / "shared" / "measured"
 
 
 @pytest.fixture
@@ -36,12 +35,9 @@ def process():
 
 
 @pytest.fixture(scope="session")
-def chamber_log():
+def chamber_log(beside):
     """The multiplexer's export of the thermal shock chamber."""
-    log = MEASURED / "thermal-shock-chamber" / "dat00002.csv"
-    if not log.is_file():
-        pytest.skip("the measured chamber log is not beside this checkout")
-    return log
+    return beside("measured/thermal-shock-chamber/dat00002.csv")
 
 
 def comparison(text):

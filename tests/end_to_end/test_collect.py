@@ -1,6 +1,5 @@
 """``collect`` as a newcomer meets it: the schedule, a simulated night, a stop, and what `fit` makes of the trace."""
 
-import json
 import os
 import re
 import sys
@@ -105,27 +104,20 @@ SENSORS = ("--sensors", "soc,flash,battery,usb,display")
 
 
 @pytest.fixture
-def fit(call, tmp_path):
+def fit(figures, tmp_path):
     """Fits a circuit to a trace: the RMSE on that, and the model."""
 
     def run(trace, circuit, *options):
-        model, facts = tmp_path / f"{trace.stem}.{circuit}.json", tmp_path / "fit.json"
-        options = (*options, "-o", model, "--json", facts)
-        assert call("ambient-trainer", "fit", trace, "--circuit", circuit, *options)[0] == 0
-        return json.loads(facts.read_text())["rmse_degC"], model
+        model = tmp_path / f"{trace.stem}.{circuit}.json"
+        return figures("fit", trace, "--circuit", circuit, *options, "-o", model)[0]["rmse_degC"], model
 
     return run
 
 
 @pytest.fixture
-def evaluate(call, tmp_path):
+def evaluate(figures):
     """The RMSE of a model on a trace."""
-
-    def run(model, trace):
-        assert call("ambient-trainer", "evaluate", model, trace, "--json", tmp_path / "evaluation.json")[0] == 0
-        return json.loads((tmp_path / "evaluation.json").read_text())["traces"][0]["rmse_degC"]
-
-    return run
+    return lambda model, trace: figures("evaluate", model, trace)[0]["traces"][0]["rmse_degC"]
 
 
 @pytest.mark.slow

@@ -7,9 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.signal import cont2discrete, dlsim, lfilter
-from threadpoolctl import threadpool_limits
 
-from ambient_model.codec import load_model, save_model
+from ambient_model.codec import decode, encode, save_model
 from ambient_model.conformance import run_recursion
 from ambient_model.model import ErrorVariance, Secondary, Term
 from ambient_model.observer import Observer
@@ -39,12 +38,6 @@ CONSTANT_DEGC2 = 0.09
 QUANTILES = {50: (-0.6, 0.7), 90: (-1.5, 1.8), 98: (-2.4, 2.5)}
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _one_thread():
-    with threadpool_limits(1):
-        yield
-
-
 STEPS = ((20, -10, ""), (10, -10, "cpu_100"), (30, 10, ""), (10, 30, "cpu_50"), (30, 30, ""))
 
 
@@ -67,13 +60,14 @@ def fits(trace):
     return {"free-3": FreeFilterEstimator(3).fit([trace], Effort(starts=1)), **found}
 
 
+def read_back(model):
+    """A model as a device has it: written as a file's text and read."""
+    return decode(encode(model).encode(), model.name)
+
+
 @pytest.fixture(scope="module")
-def models(fits, tmp_path_factory):
-    """The models as a device reads them: written to a file and read back."""
-    folder = tmp_path_factory.mktemp("models")
-    for name, fit in fits.items():
-        save_model(str(folder / f"{name}.json"), model_of(fit, [], {}))
-    return {name: load_model(str(folder / f"{name}.json")) for name in fits}
+def models(fits):
+    return {name: read_back(model_of(fit, [], {})) for name, fit in fits.items()}
 
 
 def _sensors(count):
@@ -126,15 +120,11 @@ def second(trace):
 
 
 @pytest.fixture(scope="module")
-def guarded(models, second, tmp_path_factory):
-    """The free filter with a secondary estimator and synthetic error variance, written to a file and read back."""
-    model = models["free-3"]._replace(
-        secondary=Secondary(model_of(second, [], {}).main, THRESHOLD_DEGC),
-        error_variance=ErrorVariance(CONSTANT_DEGC2, TERMS, QUANTILES),
-    )
-    path = str(tmp_path_factory.mktemp("guarded") / "model.json")
-    save_model(path, model)
-    return load_model(path)
+def guarded(models, second):
+    """The free filter with a secondary estimator and synthetic error variance."""
+    secondary = Secondary(model_of(second, [], {}).main, THRESHOLD_DEGC)
+    error_variance = ErrorVariance(CONSTANT_DEGC2, TERMS, QUANTILES)
+    return read_back(models["free-3"]._replace(secondary=secondary, error_variance=error_variance))
 
 
 def _low_pass(z, lag_s, period_s):
@@ -182,12 +172,10 @@ HELD = 15
 
 
 @pytest.fixture(scope="module")
-def validated(trace, fits, tmp_path_factory):
-    """The free filter with its expected readings, written to a file and read back."""
+def validated(trace, fits):
+    """The free filter with its expected readings."""
     fit = fits["free-3"]
-    path = str(tmp_path_factory.mktemp("validated") / "model.json")
-    save_model(path, model_of(fit, [], {}, reading_model(fit, [trace])))
-    return load_model(path)
+    return read_back(model_of(fit, [], {}, reading_model(fit, [trace])))
 
 
 def _replaced(model, u, i):

@@ -1,6 +1,9 @@
 """Commands that run to their end, and what others take of the machine."""
 
+import socket
 import subprocess
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +16,34 @@ def ran(*words: object, status: int | None = 0, timeout: float | None = 60, **op
     done = subprocess.run([*map(str, words)], timeout=timeout, **options)
     assert status in (None, done.returncode), (done.stdout or "")[-2000:] + (done.stderr or "")[-2000:]
     return done
+
+
+def wait_until(condition: Callable[[], object], why: str = "waited in vain", seconds: float = 20.0) -> None:
+    """Wait until a condition holds; the limit only ends a test that has failed."""
+    end_s = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end_s, why
+        time.sleep(0.001)
+
+
+def free_port() -> int:
+    """A TCP port that nobody has."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return int(free.getsockname()[1])
+
+
+def is_listening(port: int) -> bool:
+    """Whether somebody answers at a TCP port."""
+    with socket.socket() as asked:
+        return not asked.connect_ex(("127.0.0.1", port))
+
+
+def content_of(path: Path) -> bytes | None:
+    """What a file holds; None where there is none."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return None
 
 
 def resident_kB(pid: int) -> int:

@@ -36,12 +36,9 @@ def asked(monkeypatch):
     return found
 
 
-def test_figures_and_every_case_for_a_machine(trainer, monkeypatch, tmp_path, asked):
-    out = tmp_path / "out.json"
-    status, shown, err = trainer("discover", "--cases", 2, "--jobs", 3, "--json", out)
-    assert (status, err) == (0, "")
+def test_figures_and_every_case_for_a_machine(figures, tmp_path, asked):
+    found, shown = figures("discover", "--cases", 2, "--jobs", 3)
     assert asked == {"seed": 5000, "cases": 2, "jobs": 3, "numbers": [0, 1]}
-    found = json.loads(out.read_text())
     assert (found["seed"], found["circuit"], found["cases"]) == (5000, "phone", 2)
     assert (found["large_effects"]["hits"], found["large_effects"]["cases"]) == (2, 2)
     assert [each.pop("number") for each in found["each"]] == [2, 4]
@@ -64,7 +61,7 @@ def test_figures_and_every_case_for_a_machine(trainer, monkeypatch, tmp_path, as
         "said": ["sensor_bias at display: 4 degC"],
     }
     assert "100.0 %" in shown
-    assert shown.endswith(f"Figures: {out}\n")
+    assert shown.endswith(f"Figures: {tmp_path}/figures.json\n")
 
 
 def test_an_interruption_leaves_what_is_done(trainer, monkeypatch, tmp_path, asked):

@@ -1,7 +1,5 @@
 """The bank against known filters and noise, the limit of models whose place beside it is known, and the command."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -97,12 +95,9 @@ def test_another_devices_model_is_refused_before_anything_is_simulated(monkeypat
         lower_bounds(constant_model(20.0, "ch102"), [SCENARIO], SEEDS, PERIOD_S, lambda *_: None)
 
 
-def test_the_command_prints_and_writes(trainer, saved, tmp_path):
-    figures = tmp_path / "out.json"
-    options = ("--scenarios", "1,2.5", "--seeds", "3", "--fitted", 2, "--period", 5, "--json", figures)
-    status, out, err = trainer("limit", saved(constant_model(22.0)), *options)
-    assert (status, err) == (0, "")
-    found = json.loads(figures.read_text())
+def test_the_command_prints_and_writes(figures, saved):
+    options = ("--scenarios", "1,2.5", "--seeds", "3", "--fitted", 2, "--period", 5)
+    found, out = figures("limit", saved(constant_model(22.0)), *options)
     assert [each["scenario"] for each in found["scenarios"]] == ["1", "2.5"]
     assert found["simulated"] is True
     for each in found["scenarios"]:

@@ -1,11 +1,8 @@
 """Every method, trained once on a simulated phone; synthetic sensors that move independently; the thesis's text."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
-from threadpoolctl import threadpool_limits
 
 from ambient_studies.thesis.reproduction import Runs, all_methods
 from ambient_trainer.data.trace import Trace
@@ -13,16 +10,8 @@ from ambient_trainer.estimation.search import Budget
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.simulator import simulate
 
-SHARED = Path(__file__).parents[4] / "shared" / "thesis"
 PERIOD_S = 60.0
 """Slower than a phone logs: what is trained only has to be trained, not to be good."""
-
-
-@pytest.fixture(autouse=True, scope="session")
-def _one_thread():
-    """Four BLAS threads make the algebra of 3 x 3 matrices many times slower."""
-    with threadpool_limits(1):
-        yield
 
 
 @pytest.fixture(scope="session")
@@ -65,13 +54,6 @@ def wandering(samples: int, seed: int, period_s: float = 5.0) -> Trace:
 
 
 @pytest.fixture
-def thesis_file():
-    """Reads a file of the thesis, where it lies beside the repository."""
-
-    def read(name: str) -> str:
-        path = SHARED / name
-        if not path.exists():
-            pytest.skip(f"{path} is not there")
-        return path.read_text(encoding="utf-8")
-
-    return read
+def thesis_file(beside):
+    """Reads a file of the thesis."""
+    return lambda name: beside(f"thesis/{name}").read_text(encoding="utf-8")

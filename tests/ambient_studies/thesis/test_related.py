@@ -75,12 +75,6 @@ def test_each_keeps_the_contract_of_estimators(traces) -> None:
         assert fit.discrete(1.0) is None
 
 
-# the first-order response
-
-
-# Chau
-
-
 def idle_phone(seed: int, slope: float = 0.9, offset: float = -1.5) -> Trace:
     """An hour idle, drifting slowly enough to count as stable; 20 min busy, 20 K warmer; 10 min of cooling, idle."""
     rng = np.random.default_rng(seed)
@@ -106,9 +100,6 @@ def test_chaus_line_is_recovered_from_idle_samples_and_applied_to_all() -> None:
     assert chau.train([idle_phone(1, slope=0.5, offset=2.0)]).slope == pytest.approx(0.5, abs=0.05)
     battery = traces[0].columns["battery_degC"]
     assert np.array_equal(fit.estimate_degC(traces[0]), line.slope * battery + line.offset_degC)
-
-
-# He
 
 
 def quadratic(trace: Trace, noise: float = 0.0) -> Trace:
@@ -138,8 +129,6 @@ def test_hes_regression_recovers_a_quadratic_and_is_the_expansion_over_its_suppo
     assert not np.array_equal(used, idle)
 
 
-# Ishii and Nakashima
-
 GAIN = np.array([1.0, -0.1, -0.2, -0.3, -0.15])
 ZERO_S = np.array([200.0, 60.0, 10.0, 100.0, 150.0])
 POLE_S = np.array([40.0, 120.0, 50.0, 400.0, 30.0])
@@ -167,9 +156,6 @@ def test_ishiis_transfer_functions_are_recovered() -> None:
     assert found.offset_degC == pytest.approx(-0.5, abs=0.1)
     unseen = through_transfer_functions(wandering(3000, seed=2), separation)
     assert np.sqrt(np.mean((fit.estimate_degC(unseen) - unseen.reference) ** 2)) < 0.03
-
-
-# Li
 
 
 def test_ishiis_sources_are_what_no_stronger_source_explains() -> None:

@@ -1,6 +1,5 @@
 """Units' runs, the study against its own pieces put together by hand, and the command."""
 
-import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -111,16 +110,14 @@ def test_another_devices_model_is_refused(free_model):
         study(other, PLAN, 1, lambda *_: None)
 
 
-def test_units_prints_writes_and_draws(trainer, saved, free_model, tmp_path):
-    figures, report = tmp_path / "out.json", tmp_path / "report"
-    options = ("--count", 2, "--scenarios", "1", "--period", 5, "--jobs", 1, "--json", figures, "--report", report)
-    status, out, err = trainer("units", saved(free_model), *options)
-    assert (status, err) == (0, "")
-    found = json.loads(figures.read_text())
+def test_units_prints_writes_and_draws(figures, saved, free_model, tmp_path):
+    report = tmp_path / "report"
+    options = ("--count", 2, "--scenarios", "1", "--period", 5, "--jobs", 1, "--report", report)
+    found, out = figures("units", saved(free_model), *options)
     assert found["plan"] == {"count": 2, "seed": 1, "scenarios": ["1"], "period_s": 5.0}
     for group in found["groups"]:
         assert f" {group['as it is']['rmse_degC']['median']:.2f} " in out
-    assert out.splitlines()[-2:] == [f"Figures: {figures}", f"Report: {report}/index.html"]
+    assert out.splitlines()[-2:] == [f"Figures: {tmp_path}/figures.json", f"Report: {report}/index.html"]
     assert "Scenario 1, in its case" in (report / "index.html").read_text()
 
 

@@ -12,6 +12,7 @@ from ambient_trainer.api.data import sensor_columns
 from ambient_trainer.cli.main import COMMANDS, STUDIES, trainer
 from ambient_trainer.cli.options import names
 from ambient_trainer.data.plugins import plugin_names
+from ambient_trainer.data.trace import load_trace
 from ambient_trainer.estimators.registry import LIBRARY, estimator, estimator_names
 
 
@@ -52,6 +53,9 @@ def test_help_names_every_command_and_waits_for_nothing():
 
 PLUG_IN = """
 import click
+import numpy as np
+from ambient_trainer.data.importers._table import Imported
+from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 
 NAMES = ("mine",)
@@ -63,6 +67,12 @@ def find(name):
 def command():
     \"\"\"Say hello.\"\"\"
     click.echo("hello")
+
+HELP = "a thermometer that sends its temperature as a frequency, a line a second"
+
+def import_file(path, map_path=None):
+    hertz = np.loadtxt(path)
+    return Imported(Trace(path, np.arange(len(hertz), dtype=float), {"usb_degC": hertz / 100}), {})
 """
 
 
@@ -74,22 +84,27 @@ def no_plugins_remembered():
 
 
 @pytest.mark.usefixtures("no_plugins_remembered")
-def test_another_package_adds_a_command_and_an_estimator(tmp_path, monkeypatch):
+def test_another_package_adds_a_command_an_estimator_and_an_importer(tmp_path, monkeypatch):
     (tmp_path / "mine.py").write_text(PLUG_IN)
     described = tmp_path / "mine-1.dist-info"
     described.mkdir()
     (described / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1\n")
-    (described / "entry_points.txt").write_text(f"[{COMMANDS}]\nhello = mine\n[{LIBRARY}]\nmine = mine\n")
+    groups = {COMMANDS: "hello", LIBRARY: "mine", "ambient_trainer.data.importers": "hertz"}
+    entries = "".join(f"[{group}]\n{name} = mine\n" for group, name in groups.items())
+    (described / "entry_points.txt").write_text(entries)
     monkeypatch.syspath_prepend(tmp_path)
     assert re.search(r"hello +Say hello", CliRunner().invoke(trainer, ["--help"]).output)
     assert CliRunner().invoke(trainer, ["hello"]).output == "hello\n"
     assert "mine" in estimator_names()
     assert estimator("mine").name == "free-1"
+    log, out = tmp_path / "log.txt", tmp_path / "out.csv"
+    log.write_text("2000\n2150\n")
+    monkeypatch.delitem(sys.modules, f"{COMMANDS}.import_", raising=False)  # it knows the formats of its first import
+    done = CliRunner().invoke(trainer, ["import", str(log), "--format", "hertz", "-o", str(out)])
+    assert done.exit_code == 0, done.output
+    assert load_trace(str(out)).columns["usb_degC"].tolist() == [20.0, 21.5]
 
 
-@pytest.mark.usefixtures("no_plugins_remembered")
-def test_a_new_command_is_one_file(tmp_path, monkeypatch):
-    (tmp_path / "greet.py").write_text(PLUG_IN)
-    package = importlib.import_module(COMMANDS)
-    monkeypatch.setattr(package, "__path__", [*package.__path__, str(tmp_path)])
+def test_a_new_command_is_one_file(plugged):
+    plugged(importlib.import_module(COMMANDS), "greet", PLUG_IN)
     assert CliRunner().invoke(trainer, ["greet"]).output == "hello\n"

@@ -77,8 +77,8 @@ def test_a_map_that_does_not_fit_is_refused(write, columns, fact):
     assert f"{mapped}: {fact}" in _message(path, mapped)
 
 
-def test_a_measured_export_comes_in(measured_folder, described):
-    path = measured_folder / "thermal-shock-chamber" / "dat00002.csv"
+def test_a_measured_export_comes_in(beside, described):
+    path = beside("measured/thermal-shock-chamber/dat00002.csv")
     trace = import_file(str(path), str(described / "thermal-shock-chamber-thesis-names.map.yaml")).trace
     raw = np.genfromtxt(path, delimiter=",", skip_header=1)[:, 2:]
     raw[np.abs(raw) > 1e37] = np.nan

@@ -175,8 +175,8 @@ def test_each_column_tells_its_first_fault_and_another_encoding_its_line(write, 
     assert "utf-8-sig" in fault.problem
 
 
-def test_a_phones_zones_come_in(measured_folder, described, tmp_path):
-    path = measured_folder / "s25plus-zones" / "s25_zones_tidy.csv"
+def test_a_phones_zones_come_in(beside, described, tmp_path):
+    path = beside("measured/s25plus-zones/s25_zones_tidy.csv")
     imported = import_file(str(path), str(described / "s25plus-zones.map.yaml"))
     raw = np.genfromtxt(path, delimiter=",", skip_header=1)
     clock = raw[:, 0]

@@ -1,9 +1,5 @@
 """``ambient-trainer import``: status, what the terminal shows, and an output that survives a failure."""
 
-import os
-import subprocess
-import sys
-
 from ambient_trainer.data.trace import load_trace
 
 _MAP = "time: {column: t, unit: s, not_increasing: drop}\ncolumns: {usb_degC: {from: a, unit: mdegC}, b_degC: b}\n"
@@ -41,34 +37,3 @@ def test_a_failure_leaves_the_output_as_it_was(run, write, tmp_path):
     assert f"{path}: line 3, column a: 'warm'" in error
     assert (tmp_path / "o.csv").read_text() == "precious"
     assert sorted(each.name for each in tmp_path.iterdir()) == ["a.csv", "m.yaml", "o.csv"]
-
-
-HERTZ = """
-import numpy as np
-from ambient_trainer.data.importers._table import Imported
-from ambient_trainer.data.trace import Trace
-
-HELP = "a thermometer that sends its temperature as a frequency, a line a second"
-
-def import_file(path, map_path=None):
-    hertz = np.loadtxt(path)
-    return Imported(Trace(path, np.arange(len(hertz), dtype=float), {"usb_degC": hertz / 100}), {})
-"""
-
-
-def test_an_importer_is_one_file(tmp_path):
-    """A module on the path with an entry point; no other file is touched."""
-    (tmp_path / "hertz.py").write_text(HERTZ)
-    (tmp_path / "log.txt").write_text("2000\n2150\n")
-    described = tmp_path / "hertz-1.dist-info"
-    described.mkdir()
-    (described / "METADATA").write_text("Metadata-Version: 2.1\nName: hertz\nVersion: 1\n")
-    (described / "entry_points.txt").write_text("[ambient_trainer.data.importers]\nhertz = hertz\n")
-    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    arguments = ["import", "log.txt", "--format", "hertz", "-o", "out.csv"]
-    done = subprocess.run(
-        [sys.executable, "-m", "ambient_trainer", *arguments],
-        cwd=tmp_path, capture_output=True, text=True, timeout=120, env={**os.environ, "PYTHONPATH": path},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert load_trace(str(tmp_path / "out.csv")).columns["usb_degC"].tolist() == [20.0, 21.5]

@@ -1,12 +1,8 @@
 """Traces of several loggers on one clock, and the command."""
 
-import json
-
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from ambient_trainer.cli.commands.join import command
 from ambient_trainer.data.join import Logged, joined, load_logged, on_one_epoch
 from ambient_trainer.data.trace import Trace, load_trace, save_trace
 
@@ -71,16 +67,14 @@ def two(tmp_path):
 
 
 @pytest.mark.parametrize("apply", [False, True])
-def test_a_shift_is_applied_only_when_asked(two, monkeypatch, apply):
-    monkeypatch.chdir(two)
-    arguments = ["board.csv", "room.csv", "-o", "out.csv", "--json", "out.json", *["--shift"] * apply]
-    done = CliRunner().invoke(command, arguments, catch_exceptions=False)
-    assert done.exit_code == 0
-    (_, other) = json.loads((two / "out.json").read_text())["traces"]
+def test_a_shift_is_applied_only_when_asked(two, figures, apply):
+    out = two / "out.csv"
+    found, _ = figures("join", two / "board.csv", two / "room.csv", "-o", out, *["--shift"] * apply)
+    (_, other) = found["traces"]
     low, high = other["shift"]["ci95_s"]
     assert low < 40 < high < 42
     assert other["applied_s"] == (other["shift"]["shift_s"] if apply else 0)
-    result = load_trace(str(two / "out.csv"))
+    result = load_trace(str(out))
     assert list(result.columns) == ["board_degC", "ambient_degC", "ambient_2_degC", "wall_degC"]
     off = np.nanmax(np.abs(result.columns["wall_degC"] - result.columns["ambient_degC"]))
     assert off < 0.02 if apply else off > 0.1

@@ -33,22 +33,14 @@ def two_sensor_model(provenance: dict[str, Any] | None = None, periods_s: tuple[
     return Model("two sensors", "2024-01-01T00:00:00Z", "ambient_degC", estimator, {}, provenance or {}, conformance)
 
 
-def guarded_model(periods_s: tuple[float, ...] = (1.0,)) -> Model:
-    """The same with a guard of two lags in a row on usb, and a spread of all terms."""
-    model = two_sensor_model(periods_s=periods_s)
-    discrete = []
-    for period_s in periods_s:
-        a, b = float(np.exp(-period_s / 15.0)), float(np.exp(-period_s / 60.0))
-        rows = ((a, 0.0), (1.0 - b, b))
-        discrete.append(Discrete(period_s, rows, ((1.0 - a, 0.0), (0.0, 0.0)), ((0.0, 1.0),), ((0.0, 0.0),)))
+def guarded_model() -> Model:
+    """The same with a secondary estimator that has two lags in a row on usb, and an error variance of all terms."""
+    model, a, b = two_sensor_model(), float(np.exp(-1.0 / 15.0)), float(np.exp(-1.0 / 60.0))
+    discrete = Discrete(1.0, ((a, 0.0), (1 - b, b)), ((1 - a, 0.0), (0.0, 0.0)), ((0.0, 1.0),), ((0.0, 0.0),))
     both = ((1.0, 0.0), (1.0, 0.0))
-    estimator = Estimator(INPUTS, ("once", "twice"), tuple(discrete), -1.0, both, model.main.interval)
-    terms = (
-        Term("movement", 120.0, 0.5),
-        Term("movement", 30.0, 2.0),
-        Term("guard", 60.0, 0.25),
-        Term("guard", 9.0, 0.1),
-    )
+    estimator = Estimator(INPUTS, ("once", "twice"), (discrete,), -1.0, both, model.main.interval)
+    lags = (("movement", 120.0, 0.5), ("movement", 30.0, 2.0), ("guard", 60.0, 0.25), ("guard", 9.0, 0.1))
+    terms = tuple(Term(*each) for each in lags)
     spread = ErrorVariance(0.04, terms, {50: (-0.6, 0.7), 90: (-1.5, 1.8), 98: (-2.4, 2.5)})
     return model._replace(secondary=Secondary(estimator, 1.5), error_variance=spread)
 

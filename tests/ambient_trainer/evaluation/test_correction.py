@@ -1,6 +1,5 @@
 """A correction against errors that are known by construction, in the file and through the daemon's own recursion."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -89,14 +88,11 @@ def test_only_what_is_known_counts_but_the_estimate_runs_from_the_start():
     assert correction(model, known_late).offsets_degC["main"] == pytest.approx(whole[2000:2800].mean(), abs=1e-9)
 
 
-def test_correct_writes_a_model_that_is_right_there(trainer, saved, tmp_path):
+def test_correct_writes_a_model_that_is_right_there(trainer, figures, saved, tmp_path):
     trace, output = tmp_path / "known.csv", tmp_path / "corrected.json"
     save_trace(str(trace), known_trace(samples=600))
-    figures = tmp_path / "correction.json"
-    words = ("correct", saved(mean_model()), trace, "-o", output, "--from", 300, "--json", figures)
-    status, out, err = trainer(*words)
-    assert (status, err) == (0, "")
-    assert json.loads(figures.read_text())["samples"] == 300
+    found, out = figures("correct", saved(mean_model()), trace, "-o", output, "--from", 300)
+    assert found["samples"] == 300
     # usb and display are 3 degC off on average, and the offset was 1
     columns = known_trace(samples=600).cut(300, None).columns
     expected = 21 - (columns["usb_degC"] + columns["display_degC"]).mean() / 2 - 1

@@ -1,16 +1,13 @@
 """An evaluation against a recursion written out in numpy, what it counts and refuses, and the command from outside."""
 
 import hashlib
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from ambient_model.model import Model
-from ambient_trainer.cli.commands.evaluate import command
 from ambient_trainer.data.trace import Trace, load_trace, save_trace, sha256_of
 from ambient_trainer.estimation.error_variance import sigma_degC
 from ambient_trainer.estimators.estimate import blended, estimate_degC
@@ -19,6 +16,7 @@ from ambient_trainer.evaluation.report import report_of
 from ambient_trainer.lti.statespace import StateSpace
 from refusals import refused
 
+from ..conftest import run_loop
 from .conftest import guarded_model, sensor_trace, two_sensor_model
 
 INPUTS = ("usb_degC", "battery_degC")
@@ -65,15 +63,9 @@ BASELINE = {"kind": "static linear", "gains": {"usb": 1.25, "battery": -0.3}, "o
 
 def recursed(model: Model, trace: Trace, which: int) -> np.ndarray:
     """x[k+1] = A x + B u, y = C x + D u + offset, from X0 u[0]."""
-    discrete = model.main.discrete[which]
-    A, B, C, D = (np.array(getattr(discrete, name)) for name in "ABCD")
-    u = np.column_stack([trace.columns["usb_degC"], trace.columns["battery_degC"]])
-    x = np.array(model.main.initial) @ u[0]
-    y = []
-    for row in u:
-        y.append((C @ x + D @ row).item() + model.main.offset)
-        x = A @ x + B @ row
-    return np.array(y)
+    A, B, C, D = (np.array(each) for each in model.main.discrete[which][1:])
+    u = np.vstack([trace.columns[name] for name in INPUTS])
+    return run_loop(StateSpace(A, B, C, D, np.array([model.main.offset])), u, np.array(model.main.initial) @ u[:, 0])[0]
 
 
 def without(trace: Trace, column: str, *indices: int) -> Trace:
@@ -175,26 +167,25 @@ def test_training_samples_are_recognised(tmp_path, trained, evaluated, overlaps)
     )
 
 
-def test_the_terminal_shows_the_figures_of_the_json(files, tmp_path):
+def test_the_terminal_shows_the_figures_of_the_json(files, figures):
     whole = sensor_trace(1200)
     whole.columns["usb_degC"][:7] = 95.0  # above the input's range
     model, trace = files(whole, {"baseline": BASELINE})
-    out = tmp_path / "out.json"
-    result = CliRunner().invoke(command, [model, trace, "--json", str(out)], catch_exceptions=False)
-    (only,) = json.loads(out.read_text())["traces"]
+    found, printed = figures("evaluate", model, trace)
+    (only,) = found["traces"]
     assert (only["samples"], only["unscored"], only["overlaps_training"]) == (1193, 7, False)
-    for figures in (only, only["baseline"]):
-        assert list(figures["interval_degC"]) == ["50", "90", "98"]
-        assert all(low < figures["mbe_degC"] < high for low, high in figures["interval_degC"].values())
-    lines = [line.split() for line in result.output.splitlines() if "trace.csv" in line]
-    rmse = [f"{figures['rmse_degC']:.2f}" for figures in (only, only["baseline"])]
+    for each in (only, only["baseline"]):
+        assert list(each["interval_degC"]) == ["50", "90", "98"]
+        assert all(low < each["mbe_degC"] < high for low, high in each["interval_degC"].values())
+    lines = [line.split() for line in printed.splitlines() if "trace.csv" in line]
+    rmse = [f"{each['rmse_degC']:.2f}" for each in (only, only["baseline"])]
     assert [rmse[k] in line and "1,193" in line for k, line in enumerate(lines)] == [True, True]
-    title, *findings = result.output.splitlines()
+    title, *findings = printed.splitlines()
     assert rmse[0] in title
     assert "1,193" in title
     assert any(rmse[1] in line for line in findings)
-    assert f"{100 * only['coverage']['90']:.1f} %" in result.output
-    assert "7 more samples have no estimate" in result.output
+    assert f"{100 * only['coverage']['90']:.1f} %" in printed
+    assert "7 more samples have no estimate" in printed
 
 
 @pytest.mark.parametrize(("apart_degC", "status"), [(1.0, "warning"), (-1.0, "plain")])
@@ -206,17 +197,14 @@ def test_an_interval_that_is_too_narrow_as_it_was_published_is_a_warning(apart_d
     assert [each.status for each in stated] == [status]
 
 
-def test_figures_on_training_data_are_called_so(files, tmp_path):
+def test_figures_on_training_data_are_called_so(files, figures, tmp_path):
     _, trace = files(sensor_trace(120))
     digest = hashlib.sha256(Path(trace).read_bytes()).hexdigest()
     model, trace = files(
         sensor_trace(120), {"training": [{"trace": "t", "sha256": digest, "from_s": None, "to_s": 50}]}
     )
-    out, report = tmp_path / "out.json", tmp_path / "report"
-    result = CliRunner().invoke(
-        command, [model, trace, "--json", str(out), "--report", str(report)], catch_exceptions=False
-    )
-    assert json.loads(out.read_text())["traces"][0]["overlaps_training"] is True
-    assert "Not held out: the model was trained on samples of trace.csv" in result.output
-    assert "trace.csv (training data)" in result.output
-    assert "Not held out: the model was trained on samples of trace.csv" in (report / "index.html").read_text()
+    found, printed = figures("evaluate", model, trace, "--report", tmp_path / "report")
+    assert found["traces"][0]["overlaps_training"] is True
+    assert "trace.csv (training data)" in printed
+    for shown in (printed, (tmp_path / "report" / "index.html").read_text()):
+        assert "Not held out: the model was trained on samples of trace.csv" in shown

@@ -1,14 +1,9 @@
 """Resistance against capacitance comes out of the two-sided circuits, and known capacitances cure it."""
 
-import json
-
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from ambient_model.faults import Refused
 from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.cli.commands.identifiability import command
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.estimators.base import Effort
@@ -174,34 +169,23 @@ def test_a_trace_tells_it_from_the_fit_on(trace):
     assert free.others
     assert set(CAPACITANCES) <= set(free.flat)
     assert "not identifiable" in report_of(free).title
-    cured = identifiability(circuit, trace, {each: TRUTH[each] for each in CAPACITANCES}, Effort(3, 0), 2, quiet)
-    assert cured.identifiable
-    assert not cured.others
-    assert cured.held == CAPACITANCES
-    assert cured.values["R_display_battery"] == pytest.approx(6.0, rel=0.1)
-    assert "R_display_battery" not in cured.flat
 
 
-def test_the_command(trace, tmp_path):
-    path, out = str(tmp_path / "trace.csv"), tmp_path / "found.json"
+def test_the_command(trace, figures, trainer, tmp_path):
+    path = str(tmp_path / "trace.csv")
     save_trace(path, trace)
+    asked = ("identifiability", path, "--circuit", "model2_ss")
     fixes = [part for each in CAPACITANCES for part in ("--fix", each)]
-    done = CliRunner().invoke(
-        command,
-        [path, "--circuit", "model2_ss", *fixes, "--starts", "3", "--replicates", "2", "--json", str(out)],
-        catch_exceptions=False,
-    )
-    assert done.exit_code == 0
-    assert "model2_ss is identifiable" in done.output
-    data = json.loads(out.read_text())
+    data, printed = figures(*asked, *fixes, "--starts", 3, "--replicates", 2)
+    assert "model2_ss is identifiable" in printed
     assert data["identifiable"] is True
     assert data["held"] == list(CAPACITANCES)
     assert len(data["thesis_test"]["starts"]) == 3
     assert {each["name"] for each in data["profiles"]} == set(data["values"])
-    with pytest.raises(Refused, match="'C_nosuch'"):
-        CliRunner().invoke(command, [path, "--circuit", "model2_ss", "--fix", "C_nosuch"], catch_exceptions=False)
-    wrong = CliRunner().invoke(command, [path, "--circuit", "model2_ss", "--fix", "C_usb=much"])
-    assert wrong.exit_code == 2
-    assert "'C_usb=much'" in wrong.output
-    with pytest.raises(Refused, match="free-2"):
-        CliRunner().invoke(command, [path, "--circuit", "free-2"], catch_exceptions=False)
+    for words, status, named in (
+        ((*asked, "--fix", "C_nosuch"), 1, "'C_nosuch'"),
+        ((*asked, "--fix", "C_usb=much"), 2, "'C_usb=much'"),
+        ((*asked[:-1], "free-2"), 1, "free-2"),
+    ):
+        found, _, said = trainer(*words)
+        assert (found, named in said) == (status, True)

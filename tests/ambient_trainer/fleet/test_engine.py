@@ -6,7 +6,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -16,6 +15,7 @@ from ambient_model.faults import Refused
 from ambient_trainer.fleet.dataset import write_dataset
 from ambient_trainer.fleet.engine import engine_of
 from ambient_trainer.simulator.fleet import FleetPlan, fleet
+from processes import free_port, is_listening, wait_until
 
 EFFORT = at.Effort(starts=1)
 
@@ -40,7 +40,7 @@ def expected(many, tmp_path_factory):
 def cluster(folder: Path, workers: int = 2):
     """A scheduler and workers as processes of their own; their address and the workers' processes."""
     folder.mkdir(exist_ok=True)
-    port = _free_port()
+    port = free_port()
     environment = {**os.environ, "TMPDIR": str(folder), "HOME": str(folder), "OPENBLAS_NUM_THREADS": "1"}
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", str(port), "--no-dashboard"]
     address = f"tcp://127.0.0.1:{port}"
@@ -50,27 +50,13 @@ def cluster(folder: Path, workers: int = 2):
         worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
         worker += ["--local-directory", str(folder), "--no-nanny"]
         try:
-            _wait_for(port)
+            wait_until(lambda: is_listening(port), "the scheduler does not listen", 60.0)
             processes += [subprocess.Popen(worker, **where) for _ in range(workers)]
             yield address, processes, lambda: processes.append(subprocess.Popen(worker, **where))
         finally:
             for each in processes:
                 each.kill()
                 each.wait(20)
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def _wait_for(port: int) -> None:
-    for _ in range(600):
-        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), 1):
-            return
-        time.sleep(0.1)
-    raise AssertionError("the scheduler does not listen")
 
 
 def test_an_engine_that_is_none_is_refused():

@@ -20,7 +20,6 @@ from ambient_trainer.simulator.scenario import scenario_path
 SHELLS = [path for name in ("dash", "bash", "mksh", "busybox") if (path := shutil.which(name))]
 
 ADB = """#!/bin/sh
-echo "$@" >>"{here}/calls"
 [ -e "{here}/cable" ] || {{ echo "error: no devices/emulators found" >&2; exit 1; }}
 echo "* daemon not running; starting now at tcp:5037"
 echo $$ >>"{here}/pids"
@@ -77,9 +76,6 @@ class FilePhone:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(int(pid), number)
 
-    def calls(self) -> list[str]:
-        return (self.folder / "calls").read_text().splitlines()
-
 
 @pytest.fixture
 def closed():
@@ -129,6 +125,15 @@ def campaign_file(tmp_path, laboratory_data):
         return str(path)
 
     return write
+
+
+in_real_time = pytest.mark.slow
+"""A busy machine misses samples."""
+
+
+def minutes(*steps):
+    """Steps of a campaign: minutes, set point, actions, gradient."""
+    return [dict(zip(("duration_min", "chamber_degC", "load", "gradient_K_min"), step)) for step in steps]
 
 
 class Night:

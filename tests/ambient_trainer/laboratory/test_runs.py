@@ -21,13 +21,7 @@ from ambient_trainer.simulator.scenario import scenario_path
 from breaking import acknowledge, open_probe, pull_cable, raise_alarm
 from refusals import refused
 
-from .conftest import Night
-
-in_real_time = pytest.mark.slow  # a busy machine misses samples
-
-
-def minutes(*steps):
-    return [dict(zip(("duration_min", "chamber_degC", "load"), step)) for step in steps]
+from .conftest import Night, in_real_time, minutes
 
 
 @in_real_time

@@ -1,7 +1,6 @@
 """Each way for a zone to be of no use, and a real phone's."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from ambient_trainer.selection.screen import screened
 
 from .conftest import made_up
 
-S25 = Path(__file__).parents[4] / "shared" / "measured" / "s25plus-zones" / "s25_zones_tidy.csv"
 EARLY = np.arange(1500) < 700
 
 
@@ -66,13 +64,13 @@ def test_steps_and_noise_are_those_that_were_made():
     assert fine.noise_degC == pytest.approx(0.2, rel=0.05)
 
 
-@pytest.mark.skipif(not S25.exists(), reason="the measured zones of a phone are not here")
-def test_a_real_phone_has_one_stuck_zone():
-    names = S25.read_text().partition("\n")[0].split(",")
-    table = np.genfromtxt(S25, delimiter=",", skip_header=1)
+def test_a_real_phone_has_one_stuck_zone(beside):
+    path = beside("measured/s25plus-zones/s25_zones_tidy.csv")
+    names = path.read_text().partition("\n")[0].split(",")
+    table = np.genfromtxt(path, delimiter=",", skip_header=1)
     columns = {f"{name.removeprefix('T_')}_degC": table[:, k] for k, name in enumerate(names) if name.startswith("T_")}
     columns["skin_degC"] = columns.pop("ambient_degC")
-    trace = Trace(str(S25), table[:, 0], columns)
+    trace = Trace(str(path), table[:, 0], columns)
     assert list(reasons(trace)) == ["skin_degC"]
     assert reasons(trace)["skin_degC"].startswith("stuck: it moves by 0.0")
     assert len(screened([trace])[0]) == 6

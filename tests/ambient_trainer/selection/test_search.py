@@ -160,7 +160,3 @@ def test_the_fewest_within_one_standard_error_and_where_it_is_flat():
         assert SearchResult(None, (), 0, sizes, None, {}, (), ()).recommended is sizes[place]
     assert flat_from([3.0, 1.0, 0.99, 0.985], 0.02) == 1
     assert flat_from([3.0, 1.0, 0.99, 0.975], 0.02) == 2
-
-
-def blocks(report):
-    return [block for section in report.sections for block in section.blocks]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
-from ambient_trainer.data.plugins import plugin_names
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.additions import Added, Term
 from ambient_trainer.simulator.device import load_device
@@ -23,25 +22,28 @@ NODES = tuple(load_device().nodes)
 _SCENARIO = "3"
 _LASTS_S = load_scenario(_SCENARIO).duration_s
 _PERIOD_S = 10.0
-_ONE_OF_EACH = [
-    Hidden("heat_source", "board2", None, 1500.0, 3600.0, 0.5),
-    Hidden("heat_source", "soc", "radio_on", 0.0, None, 0.3),
-    Hidden("heat_source", "display", "irradiance_W_m2", 0.0, None, 1.0),
-    Hidden("heat_source", "usb", "accessory_current_A", 0.0, None, 0.2),
-    Hidden("ambient_coupling", None, None, 1500.0, None, 1.0),
-    Hidden("ambient_coupling", None, "fan_on", 0.0, None, -0.5),
-    Hidden("ambient_coupling", "display", "wind_m_s", 0.0, None, -0.6),
-    Hidden("contact", "back", None, 1500.0, 3600.0, 0.1),
-    Hidden("convection_law", None, None, 0.0, None, 2.0),
-    Hidden("thermal_mass", "display", None, 1500.0, None, 100.0),
-    Hidden("path", "flash-usb", None, 1500.0, None, 0.1),
-    Hidden("sensor_bias", "usb", None, 1500.0, None, -2.0),
-    Hidden("sensor_gain", "flash", None, 1500.0, None, 0.1),
-    Hidden("sensor_lag", "display", None, 1500.0, None, 150.0),
-    Hidden("sensor_stuck", "usb", None, 1500.0, None, 30.0),
-    Hidden("sensor_drift", "battery", None, 1500.0, None, 0.8),
-    Hidden("clock_offset", None, None, 0.0, None, 60.0),
-]
+# each with the least and the largest magnitude that it has in a run, and the unit
+_MAGNITUDES = {
+    Hidden("heat_source", "board2", None, 1500.0, 3600.0, 0.5): (0.35, 0.55, "W"),
+    Hidden("heat_source", "soc", "radio_on", 0.0, None, 0.3): (0.21, 0.33, "W"),
+    Hidden("heat_source", "display", "irradiance_W_m2", 0.0, None, 1.0): (0.85 / 800, 1 / 800, "W per W/m2"),
+    # of a resistance at 25 degC, in a phone that is warmer
+    Hidden("heat_source", "usb", "accessory_current_A", 0.0, None, 0.2): (0.14, 0.26, "W/A^2"),
+    Hidden("ambient_coupling", None, None, 1500.0, None, 1.0): (0.6, 1.0, "1"),
+    Hidden("ambient_coupling", None, "fan_on", 0.0, None, -0.5): (-0.6, -0.3, "1"),
+    Hidden("ambient_coupling", "display", "wind_m_s", 0.0, None, -0.6): (-0.45, -0.2, "1 per m/s"),
+    Hidden("contact", "back", None, 1500.0, 3600.0, 0.1): (25.0, 37.0, "degC"),
+    Hidden("convection_law", None, None, 0.0, None, 2.0): (0.2, 0.7, "1"),
+    Hidden("thermal_mass", "display", None, 1500.0, None, 100.0): (100.0, 100.0, "J/K"),
+    Hidden("path", "flash-usb", None, 1500.0, None, 0.1): (0.08, 0.1, "W/K"),
+    Hidden("sensor_bias", "usb", None, 1500.0, None, -2.0): (-2.0, -1.95, "degC"),
+    Hidden("sensor_gain", "flash", None, 1500.0, None, 0.1): (0.1, 0.1, "1"),
+    Hidden("sensor_lag", "display", None, 1500.0, None, 150.0): (150.0, 150.0, "s"),
+    Hidden("sensor_stuck", "usb", None, 1500.0, None, 30.0): (30.0, 30.0, "degC"),
+    Hidden("sensor_drift", "battery", None, 1500.0, None, 0.8): (0.75, 0.9, "K/h"),
+    Hidden("clock_offset", None, None, 0.0, None, 60.0): (59.5, 60.5, "s"),
+}
+_ONE_OF_EACH = list(_MAGNITUDES)
 
 
 @pytest.fixture(scope="module")
@@ -87,26 +89,7 @@ def test_the_truth_names_it_and_its_magnitude(simulated, effect):
     else:
         on = run.trace.time_s[run.trace.columns[effect.signal] > 0]
         assert told.onset_s == on[0]
-    low, high, unit = {
-        "heat_source": (0.7 * effect.amount, 1.1 * effect.amount, "W"),
-        "ambient_coupling": (0.6, 1.0, "1") if effect.amount > 0 else (-0.6, -0.3, "1"),
-        "contact": (25.0, 37.0, "degC"),
-        "convection_law": (0.2, 0.7, "1"),
-        "thermal_mass": (100.0, 100.0, "J/K"),
-        "path": (0.08, 0.1, "W/K"),
-        "sensor_bias": (-2.0, -1.95, "degC"),
-        "sensor_gain": (0.1, 0.1, "1"),
-        "sensor_lag": (150.0, 150.0, "s"),
-        "sensor_stuck": (30.0, 30.0, "degC"),
-        "sensor_drift": (0.75, 0.9, "K/h"),
-        "clock_offset": (59.5, 60.5, "s"),
-    }[effect.cause]
-    if effect.signal == "irradiance_W_m2":
-        low, high, unit = 0.85 / 800, 1.0 / 800, "W per W/m2"
-    elif effect.signal == "accessory_current_A":
-        low, high, unit = 0.7 * 0.2, 1.3 * 0.2, "W/A^2"  # a resistance at 25 degC, in a phone that is warmer
-    elif effect.signal == "wind_m_s":
-        low, high, unit = -0.45, -0.2, "1 per m/s"
+    low, high, unit = _MAGNITUDES[effect]
     assert told.unit == unit
     assert low - 1e-9 <= told.magnitude <= high + 1e-9
     assert told.size_degC > 0.3
@@ -272,18 +255,12 @@ EFFECT = ColdSpot()
 """
 
 
-def test_a_new_effect_is_one_file(tmp_path, monkeypatch):
-    package = importlib.import_module(PLUGINS)
-    (tmp_path / "cold_spot.py").write_text(_COLD_SPOT)
-    with monkeypatch.context() as patched:
-        patched.setattr(package, "__path__", [*package.__path__, str(tmp_path)])
-        plugin_names.cache_clear()
-        run = simulate("2.5", period_s=10.0, hide=["cold_spot:usb:500mW:from=5min:to=end"], sizes=True)
-        drawn = draw_hidden(np.random.default_rng(0), "cold_spot", 900.0)
-    plugin_names.cache_clear()
+def test_a_new_effect_is_one_file(plugged):
+    plugged(importlib.import_module(PLUGINS), "cold_spot", _COLD_SPOT)
+    run = simulate("2.5", period_s=10.0, hide=["cold_spot:usb:500mW:from=5min:to=end"], sizes=True)
+    drawn = draw_hidden(np.random.default_rng(0), "cold_spot", 900.0)
     (told,) = run.truths
     assert (told.cause, told.magnitude, told.unit, told.worst) == ("cold_spot", 0.5, "W", "usb_degC")
     late = run.trace.time_s > 600
     assert (run.trace.column("usb_degC") < run.clean.column("usb_degC") - 1)[late].all()
     assert drawn.location in NODES
-    assert "cold_spot" not in effects()

@@ -38,13 +38,12 @@ def driver_at(closed) -> Callable[..., Any]:
 
 
 class Bench(NamedTuple):
-    """A driver and the simulated instrument at its port, in air of ``air_degC``, one number that may be changed."""
+    """A driver and the simulated instrument at its port, in air of 21.5 degC."""
 
     role: str
     driver: Any
     simulated: Any
     clock: Clock
-    air_degC: list[float]
 
     def failure(self, error_type: type[InstrumentError] = InstrumentError) -> InstrumentError:
         """How a reading fails; the error names the instrument, its port, what was expected, and what came."""
@@ -71,18 +70,17 @@ def bench(clock, driver_at, closed) -> Callable[..., Bench]:
     """Makes a bench of a role, its driver with the given settings."""
 
     def make(role: str, **values: Any) -> Bench:
-        air_degC = [21.5]
         simulated_class = instrument(KINDS[role]).Simulated
         if role == "chamber":
             simulated = simulated_class(settings_of(role), clock, 1)
-            simulated.air.at = lambda at_s: air_degC[0]
+            simulated.air.at = lambda at_s: 21.5
         elif role == "multiplexer":
             errors_K = {"air": 0.0, "wall": 0.1, "shelf": 0.2}
             named = settings_of(role, probes={"air": 103, "wall": 101, "shelf": 102})
-            simulated = simulated_class(named, clock, lambda at_s: air_degC[0], 0, errors_K)
+            simulated = simulated_class(named, clock, lambda at_s: 21.5, 0, errors_K)
         else:
-            simulated = simulated_class(settings_of(role), clock, lambda at_s: air_degC[0])
+            simulated = simulated_class(settings_of(role), clock, lambda at_s: 21.5)
         driver = driver_at(role, closed(simulated).port, clock, **values)
-        return Bench(role, driver, simulated, clock, air_degC)
+        return Bench(role, driver, simulated, clock)
 
     return make
