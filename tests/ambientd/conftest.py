@@ -15,7 +15,7 @@ import pytest
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, ErrorVariance, Estimator, Input, Model, Secondary, Term
-from device import add_zone
+from device import add_zone, write_files
 from processes import Done, ran
 
 PERIODS_S = (0.1, 0.2, 0.5, 1.0)
@@ -110,14 +110,9 @@ def make_hwmon(sysfs: FakeSysfs) -> Callable[..., Path]:
     """A hwmon chip as files: number, name, and temperatures (number, label or None, content)."""
 
     def make(number: int, chip: str, *temperatures: tuple[int, str | None, str]) -> Path:
-        folder = sysfs.root / "class" / "hwmon" / f"hwmon{number}"
-        folder.mkdir(parents=True)
-        (folder / "name").write_text(f"{chip}\n")
-        for index, label, content in temperatures:
-            (folder / f"temp{index}_input").write_text(content)
-            if label is not None:
-                (folder / f"temp{index}_label").write_text(f"{label}\n")
-        return folder
+        files = {"name": f"{chip}\n", **{f"temp{index}_input": content for index, _, content in temperatures}}
+        files |= {f"temp{index}_label": f"{label}\n" for index, label, _ in temperatures if label is not None}
+        return write_files(sysfs.root / "class" / "hwmon" / f"hwmon{number}", files)
 
     return make
 
@@ -127,10 +122,7 @@ def make_supply(sysfs: FakeSysfs) -> Callable[..., Path]:
     """A power supply with its properties as files; returns the root of the fake sysfs."""
 
     def make(name: str, **properties: str) -> Path:
-        folder = sysfs.root / "class" / "power_supply" / name
-        folder.mkdir(parents=True)
-        for each, content in properties.items():
-            (folder / each).write_text(content)
+        write_files(sysfs.root / "class" / "power_supply" / name, properties)
         return sysfs.root
 
     return make

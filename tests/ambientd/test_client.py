@@ -168,23 +168,11 @@ def test_a_status_file_is_read_and_its_age_counts(value_file):
         read_status(value_file(line()[:50]), 60)
 
 
-class Server:
+def served(path):
     """A daemon's socket in the hands of the test."""
-
-    def __init__(self, path):
-        self.path = path
-        self.listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self.listener.settimeout(10)
-        self.listener.bind(path)
-        self.listener.listen()
-
-    def accept(self):
-        connection, _ = self.listener.accept()
-        return connection
-
-    def close(self):
-        self.listener.close()
-        os.unlink(self.path)
+    listener = socket.create_server(path, family=socket.AF_UNIX)
+    listener.settimeout(10)
+    return listener
 
 
 @pytest.fixture
@@ -194,9 +182,8 @@ def path(tmp_path):
 
 @pytest.fixture
 def server(path):
-    opened = Server(path)
-    yield opened
-    opened.listener.close()
+    with served(path) as listener:
+        yield listener
 
 
 @pytest.fixture
@@ -210,7 +197,7 @@ def clock(monkeypatch):
 def test_each_line_is_a_reading_and_halves_are_joined(server, path):
     with Follower(path, 60) as follower:
         assert follower.wait(0) is None
-        with server.accept() as daemon:
+        with server.accept()[0] as daemon:
             daemon.sendall(line(1) + line(2) + line(3)[:20])
             assert [follower.wait(10).time_s, follower.wait(10).time_s] == [1, 2]
             assert follower.wait(0) is None
@@ -223,7 +210,7 @@ def test_each_line_is_a_reading_and_halves_are_joined(server, path):
 def test_who_talks_without_lines_is_left(server, path):
     with Follower(path, 60) as follower:
         follower.wait(0)
-        with server.accept() as talker:
+        with server.accept()[0] as talker:
             sender = threading.Thread(target=lambda: talker.sendall(b"x" * 65537))
             sender.start()
             while not follower.problem:
@@ -247,7 +234,7 @@ def test_what_had_to_wait_for_its_consumer_is_as_old_as_it_is(server, path, cloc
     """The daemon's buffer for a consumer that slept holds the eldest lines, not the newest."""
     with Follower(path, 5) as follower:
         follower.wait(0)
-        with server.accept() as daemon:
+        with server.accept()[0] as daemon:
             threading.Timer(0.05, daemon.sendall, [line(100)]).start()
             assert follower.wait(3).time_s == 100
             daemon.sendall(line(101) + line(102) + line(158))
@@ -265,16 +252,14 @@ def test_what_had_to_wait_for_its_consumer_is_as_old_as_it_is(server, path, cloc
 @given(chunks=st.lists(st.binary(max_size=300) | st.just(line(1)) | st.just(line(2)[:40]), max_size=6))
 def test_whatever_comes_is_taken_in_whole_lines(chunks, tmp_path_factory):
     path = str(tmp_path_factory.mktemp("s") / "s")
-    server = Server(path)
-    with Follower(path, 60) as follower:
+    with served(path) as server, Follower(path, 60) as follower:
         follower.wait(0)
-        with server.accept() as daemon:
+        with server.accept()[0] as daemon:
             daemon.sendall(b"".join(chunks))
         heard = []
         while not follower.problem or follower._waiting:
             reading = follower.wait(0)
             heard += [] if reading is None else [reading]
-    server.close()
     lines = b"".join(chunks).split(b"\n")[:-1]
     assert len(heard) + follower.skipped == len(lines)
     assert all(isinstance(each, Reading) for each in heard)

@@ -10,6 +10,7 @@ from ambientd.sources.hwmon import Hwmon, find_hwmon
 from ambientd.sources.iio import Iio, find_iio
 from ambientd.sources.power_supply import PowerSupply
 from ambientd.sources.zone import Zone, find_zones
+from device import write_files
 
 
 def on(root, **more):
@@ -114,10 +115,8 @@ def devices(tmp_path):
         4: {"name": "ltr559", "in_illuminance_input": "81"},
     }
     for number, files in files_of.items():
-        folder = tmp_path / "bus/iio/devices" / f"iio:device{number}"
-        folder.mkdir(parents=True)
-        for name, content in files.items():
-            (folder / name).write_text(f"{content}\n")
+        lines = {name: f"{content}\n" for name, content in files.items()}
+        write_files(tmp_path / "bus/iio/devices" / f"iio:device{number}", lines)
     return tmp_path
 
 

@@ -8,7 +8,7 @@ from scipy.linalg import lstsq
 
 from ambient_trainer.selection.grams import gathered, low_passes, noise_gram
 from ambient_trainer.selection.screen import screened
-from ambient_trainer.selection.search import Options, prepared
+from ambient_trainer.selection.search import Options, numbered, prepared
 from ambient_trainer.simulator import simulate
 
 POLES_S = (10.0, 30.0, 90.0, 270.0)
@@ -26,7 +26,7 @@ def test_a_candidate_beside_its_refit_from_scratch(trace, benchmark, noted):
     options = Options()
     data = prepared([trace], *screened([trace]), options)
     grams = gathered(data.segments, data.blocks, data.sensors, POLES_S, options.tolerance_degC)
-    four = data.numbers(FIVE[1:])
+    four = numbered(data, FIVE[1:])
     sets = [tuple(sorted((*four, each))) for each in range(len(data.sensors)) if each not in four]
     squares = benchmark.pedantic(grams.squares, args=(sets,), rounds=5, iterations=1)
     ours_s = benchmark.stats.stats.min / len(sets)

@@ -108,17 +108,12 @@ class Zones:
         self.root = root
         self.folder = root / "class" / "thermal"
         self.folder.mkdir(parents=True)
-        self._known: dict[str, Path] = {}
 
     def add(self, number: int, kind: str, millidegC: int) -> None:
         add_zone(self.root, number, kind, f"{millidegC}\n")
 
     def find(self, kind: str) -> Path:
-        known = self._known.get(kind)
-        if known is None or content_of(known / "type") != f"{kind}\n".encode():
-            known = next(each for each in self.folder.iterdir() if (each / "type").read_text() == f"{kind}\n")
-            self._known[kind] = known
-        return known
+        return next(each for each in self.folder.iterdir() if (each / "type").read_text() == f"{kind}\n")
 
     def say(self, kind: str, content: int | bytes) -> None:
         with open(self.find(kind) / "temp", "r+b", buffering=0) as stream:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from device import write_files
+
 SHIPPED = Path(__file__).resolve().parents[2] / "deploy" / "afancontrol" / "afancontrol.conf"
 
 
@@ -30,9 +32,7 @@ def program(tmp_path_factory):
 @pytest.fixture
 def board(tmp_path):
     """A fan as hwmon shows one."""
-    for name, content in {"pwm1": "0", "pwm1_enable": "1", "fan1_input": "900"}.items():
-        (tmp_path / name).write_text(f"{content}\n")
-    return tmp_path
+    return write_files(tmp_path, {"pwm1": "0\n", "pwm1_enable": "1\n", "fan1_input": "900\n"})
 
 
 def test_the_fan_follows_the_estimate_and_a_fault_is_full_speed(

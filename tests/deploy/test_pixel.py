@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from device import write_files
 from processes import ran
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
@@ -87,17 +88,10 @@ class Hal:
         (root / "vendor/etc/thermal_info_config.json").write_text(json.dumps(config))
         kernel = root / "sys/devices/virtual/thermal"
         for number, kind in enumerate(OF_THE_DEVICE):
-            zone = kernel / f"thermal_zone{number}"
-            zone.mkdir(parents=True)
-            (zone / "type").write_text(f"{kind}\n")
-            (zone / "temp").write_text(f"{SKIN_DEGC * 1000:.0f}\n")
-            (zone / "policy").write_text("step_wise\n")
-        cooler = kernel / "cooling_device0"
-        cooler.mkdir()
-        (cooler / "type").write_text("thermal-cpufreq-0\n")
-        (cooler / "max_state").write_text("6\n")
-        self.cooling = cooler / "cur_state"
-        self.cooling.write_text("0\n")
+            files = {"type": f"{kind}\n", "temp": f"{SKIN_DEGC * 1000:.0f}\n", "policy": "step_wise\n"}
+            write_files(kernel / f"thermal_zone{number}", files)
+        cooler = {"type": "thermal-cpufreq-0\n", "max_state": "6\n", "cur_state": "0\n"}
+        self.cooling = write_files(kernel / "cooling_device0", cooler) / "cur_state"
         self.process = spawn([str(harness)], env={"HAL_ROOT": str(root)}, stdin=subprocess.PIPE)
 
     def watch(self):

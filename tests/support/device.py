@@ -1,6 +1,15 @@
 """A fake sysfs of real files."""
 
+from collections.abc import Mapping
 from pathlib import Path
+
+
+def write_files(folder: Path, files: Mapping[str, str]) -> Path:
+    """A folder with files of these names and contents."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in files.items():
+        (folder / name).write_text(content)
+    return folder
 
 
 def add_zone(sysfs: Path, number: int, kind: str, temp: str | None = None) -> Path:

@@ -1,15 +1,13 @@
-"""The thesis's models: what they compute, that a device computes the same, and that a fit recovers them."""
+"""The thesis's models: a fit recovers their outputs, and what a moving ambient adds to them."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lsim
 
-from ambient_model.faults import Refused
-from ambient_studies.thesis.methods import fit_model, fitted_method, published_method, thesis_methods
+from ambient_studies.thesis.methods import fit_model, fitted_method
 from ambient_studies.thesis.moving_ambient import INPUTS, fit_with_moving_ambient, with_moving_ambient
-from ambient_studies.thesis.published import MODELS, published_parameters
+from ambient_studies.thesis.published import MODELS
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.estimate import estimate_degC
 from ambient_trainer.estimators.registry import estimator
@@ -28,29 +26,6 @@ def test_a_fit_recovers_the_output_of_the_same_model(runs, model):
     again = estimator(model).fit([synthetic], Effort(starts=3))
     assert again.rmse_degC < 0.01
     np.testing.assert_allclose(fitted_method(again).estimate(training), own, atol=0.1)
-
-
-def test_published_model_2_by_another_simulation(runs):
-    """Table 4.6 with the corrected equations, by scipy's simulation along the lines between the samples."""
-    p = published_parameters()["model2_ss_free_cd"].printed
-    unseen, names = runs.evaluated["3"], ("flash", "battery", "usb", "display")
-    u = np.array([unseen.columns[f"{name}_degC"] for name in names]).T
-    Gf, Gb, Gu = (1 / p[f"R_{name}_ambient"] for name in names[:3])
-    Gdf, Gdb, Gbu = 1 / p["R_display_flash"], 1 / p["R_display_battery"], 1 / p["R_battery_usb"]
-    C = np.array([p["C_flash"], p["C_battery"], p["C_usb"]])[:, None]
-    A = -np.diag([Gf, Gb, Gu]) / C
-    B = np.array([[-Gdf, 0, 0, Gdf], [0, -Gbu - Gdb, Gbu, Gdb], [0, Gbu, -Gbu, 0]]) / C
-    w = [p[f"w{index}"] for index in range(1, 8)]
-    _, expected, _ = lsim((A, B, [w[:3]], [w[3:]]), u, unseen.time_s, X0=np.linalg.solve(-A, B @ u[0]))
-    np.testing.assert_allclose(published_method("model2_ss_free_cd").estimate(unseen), expected, atol=1e-6)
-
-
-def test_a_trace_without_a_sensor_is_refused(runs):
-    training = runs.training
-    columns = {name: values for name, values in training.columns.items() if name != "usb_degC"}
-    for work in (published_method("linear_usb").estimate, lambda trace: thesis_methods(trace, lambda *_: None)):
-        with pytest.raises(Refused, match="no column 'usb_degC'"):
-            work(replace(training, columns=columns))
 
 
 RISES = StateSpace(

@@ -138,19 +138,3 @@ def test_results_show_themselves(fitted, log, tmp_path):
         assert os.path.basename(page) == "index.html"
         assert os.path.exists(page)
     assert "<table>" in fitted._repr_html_()
-
-
-@pytest.mark.parametrize(
-    ("call", "named"),
-    [
-        (lambda log: at.fit(log.drop(columns="usb_degC"), "linear_usb"), "usb_degC"),
-        (lambda log: at.fit(log, "nosuch"), "nosuch"),
-        (lambda log: at.fit(log.rename(columns={"usb_degC": "usb"}), "free-1"), "usb"),
-        (lambda log: at.evaluate("nosuch.json", log), "nosuch.json"),
-        (lambda log: at.simulate("77"), "77"),
-    ],
-)
-def test_what_is_wrong_is_named(call, named, log):
-    with pytest.raises((at.Refused, OSError)) as refused:
-        call(log)
-    assert named in str(refused.value)

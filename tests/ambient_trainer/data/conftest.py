@@ -1,6 +1,5 @@
 """Files to import: written by the test, or measured and kept beside the repository."""
 
-import functools
 from collections.abc import Callable
 
 import pytest
@@ -13,9 +12,3 @@ def write(tmp_path) -> Callable[[str, str], str]:
         return str(tmp_path / name)
 
     return written
-
-
-@pytest.fixture
-def run(trainer):
-    """Runs ``ambient-trainer import`` with arguments; returns status, standard output and error."""
-    return functools.partial(trainer, "import")

@@ -6,9 +6,11 @@ _MAP = "time: {column: t, unit: s, not_increasing: drop}\ncolumns: {usb_degC: {f
 _TABLE = "t,a,b\n0,20000,\n1,21000,\n1,9,\n3,25000,\n"
 
 
-def test_what_came_in_was_left_out_and_is_assumed_is_shown(run, write, tmp_path):
+def test_what_came_in_was_left_out_and_is_assumed_is_shown(trainer, write, tmp_path):
     out = str(tmp_path / "o.csv")
-    status, shown, error = run(write("a.csv", _TABLE), "--format", "csv", "--map", write("m.yaml", _MAP), "-o", out)
+    status, shown, error = trainer(
+        "import", write("a.csv", _TABLE), "--format", "csv", "--map", write("m.yaml", _MAP), "-o", out
+    )
     assert (status, error) == (0, "")
     lines = shown.splitlines()
     assert lines[0] == "3 rows, 3 s, median period 1.5 s, longest step 2 s"
@@ -18,7 +20,7 @@ def test_what_came_in_was_left_out_and_is_assumed_is_shown(run, write, tmp_path)
     assert load_trace(out).columns["usb_degC"].tolist() == [20.0, 21.0, 25.0]
     mapped = write("m.yaml", _MAP + "bad_rows: drop\ndrop_rows: {b: out}\nconstants: {ambient_degC: 22}\n")
     path = write("a.csv", _TABLE + "4,warm,\n5,1,out\n6,1,out\n")
-    status, shown, error = run(path, "--format", "csv", "--map", mapped, "-o", out)
+    status, shown, error = trainer("import", path, "--format", "csv", "--map", mapped, "-o", out)
     assert (status, error) == (0, "")
     assert shown.splitlines()[-5:] == [
         "dropped 2 of 7 rows: the map's 'drop_rows' names them",
@@ -29,10 +31,10 @@ def test_what_came_in_was_left_out_and_is_assumed_is_shown(run, write, tmp_path)
     ]
 
 
-def test_a_failure_leaves_the_output_as_it_was(run, write, tmp_path):
+def test_a_failure_leaves_the_output_as_it_was(trainer, write, tmp_path):
     out = write("o.csv", "precious")
     path = write("a.csv", _TABLE.replace("21000", "warm"))
-    status, shown, error = run(path, "--format", "csv", "--map", write("m.yaml", _MAP), "-o", out)
+    status, shown, error = trainer("import", path, "--format", "csv", "--map", write("m.yaml", _MAP), "-o", out)
     assert (status, shown) == (1, "")
     assert f"{path}: line 3, column a: 'warm'" in error
     assert (tmp_path / "o.csv").read_text() == "precious"

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ambient_trainer.data.grid import segments
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimation.validation import cut_in_blocks
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import screened
 from ambient_trainer.selection.search import Options, prepared, searched
@@ -49,35 +47,25 @@ def made_up(seed=0, count=SAMPLES, path="made-up.csv"):
     return Trace(path, np.arange(count) * PERIOD_S, columns)
 
 
-class Small:
-    """A trace screened, on its grid and cut in blocks."""
-
-    def __init__(self, trace, blocks=6):
-        self.trace = trace
-        self.sensors, self.left_out = screened([trace])
-        self.names = [each.name for each in self.sensors]
-        self.segments = segments(trace, [each.column for each in self.sensors], ["ambient_degC"])
-        self.blocks = cut_in_blocks(self.segments, blocks, None, trace.path)
-
-    def places(self, *names):
-        return tuple(sorted(self.names.index(each) for each in names))
-
-
-@pytest.fixture(scope="session")
-def small():
-    return Small(made_up())
-
-
 AGAIN = made_up(11, path="runs/again.csv")
 """Another draw of the device, which chooses nothing."""
 OPTIONS = Options(most=2, order=2, blocks=6, tolerance_degC=0.05)
 
 
+def data_of(*traces):
+    """Traces screened, on their grid and cut in blocks."""
+    return prepared(traces, *screened(traces), OPTIONS)
+
+
+@pytest.fixture(scope="session")
+def small():
+    return data_of(made_up())
+
+
 def found_in(trace, jobs, checks=(), with_circuits=True):
     """What the search finds in a trace."""
-    data = prepared([trace], *screened([trace]), OPTIONS)
     with ResumablePool(jobs) as pool:
-        return searched(data, pool, [LONER, "right"], checks, with_circuits)
+        return searched(data_of(trace), pool, [LONER, "right"], checks, with_circuits)
 
 
 @pytest.fixture(scope="session")

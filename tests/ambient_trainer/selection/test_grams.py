@@ -1,6 +1,5 @@
 """Brute force: every subset of a small set, refitted directly on raw regressors without each block."""
 
-import functools
 import itertools
 
 import numpy as np
@@ -11,8 +10,9 @@ from scipy.signal import cont2discrete, dlsim
 from ambient_trainer.estimators.estimate import estimate_degC
 from ambient_trainer.lti import dc_gain
 from ambient_trainer.selection.grams import banks, gathered
+from ambient_trainer.selection.search import numbered
 
-from .conftest import PERIOD_S, Small, made_up
+from .conftest import PERIOD_S, data_of, made_up
 
 POLES_S = (5.0, 50.0)
 TOLERANCE_DEGC = 0.05
@@ -35,8 +35,8 @@ def regressors(readings):
     return np.column_stack(columns)
 
 
-@functools.cache
-def regressors_of(small):
+@pytest.fixture(scope="module")
+def raw(small):
     """The regressors of all sensors, and the root of what a degree of white noise in one makes."""
     impulse = np.zeros((1, 4000))
     impulse[0, 1] = 1.0
@@ -44,9 +44,9 @@ def regressors_of(small):
     return regressors(small.segments[0].inputs), np.linalg.cholesky(response.T @ response).T * TOLERANCE_DEGC
 
 
-def direct(small, members):
+def direct(small, raw, members):
     """Per block the sum of squares of a fit to the other samples: penalties as rows, the unit gain by elimination."""
-    every, own = regressors_of(small)
+    every, own = raw
     X, y = every[:, [3 * each + k for each in members for k in range(3)]], small.segments[0].outputs[0]
     squares = []
     for block in small.blocks:
@@ -68,20 +68,20 @@ def direct(small, members):
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4, 5])
-def test_every_subset_scores_as_its_direct_refit(small, grams, size):
+def test_every_subset_scores_as_its_direct_refit(small, raw, grams, size):
     subsets = list(itertools.combinations(range(5), size))
     found = grams.squares(subsets)
     assert found.shape == (len(subsets), len(small.blocks))
     for members, squares in zip(subsets, found):
-        np.testing.assert_allclose(squares, direct(small, members), rtol=1e-6)
+        np.testing.assert_allclose(squares, direct(small, raw, members), rtol=1e-6)
 
 
 def test_the_filter_is_that_of_the_direct_fit_and_its_gains_sum_to_one(small, grams):
     for members in [(0,), (1, 4), (0, 1, 2, 3, 4)]:
         assert dc_gain(grams.fitted(members)).sum() == pytest.approx(1.0, abs=1e-9)
-    members = small.places("left", "right")
+    members = numbered(small, ("left", "right"))
     columns = [small.sensors[each].column for each in members]
-    estimate = estimate_degC(grams.fitted(members), "first-order", columns, small.trace)
+    estimate = estimate_degC(grams.fitted(members), "first-order", columns, small.traces[0])
     X = np.column_stack([regressors(small.segments[0].inputs[list(members)]), np.ones(len(estimate))])
     weights = np.linalg.lstsq(X, estimate, rcond=None)[0]
     np.testing.assert_allclose(X @ weights, estimate, atol=1e-8)
@@ -91,7 +91,7 @@ def test_the_filter_is_that_of_the_direct_fit_and_its_gains_sum_to_one(small, gr
 def test_a_missing_reference_counts_nowhere(small):
     trace = made_up()
     trace.columns["ambient_degC"][100:180] = np.nan
-    holed = Small(trace)
+    holed = data_of(trace)
     found = gathered(holed.segments, holed.blocks, holed.sensors, POLES_S, TOLERANCE_DEGC)
     assert found.samples.sum() == len(trace.time_s) - 80
     assert np.isfinite(found.squares([(0, 1)])).all()

@@ -20,7 +20,7 @@ def reasons(*traces):
 
 def test_good_zones_stay_and_one_that_a_trace_lacks_goes(small):
     assert small.left_out == {}
-    assert small.names == ["chip", "left", "loner", "mixed", "right"]
+    assert small.names == ("chip", "left", "loner", "mixed", "right")
     short = made_up(1, path="other.csv")
     del short.columns["chip_degC"]
     assert reasons(made_up(0), short) == {"chip_degC": "not in other.csv"}

@@ -14,18 +14,17 @@ from ambient_trainer.estimation.validation import refitted
 from ambient_trainer.selection.grams import best_sets
 from ambient_trainer.selection.report import as_json
 from ambient_trainer.selection.resumable import ResumablePool
-from ambient_trainer.selection.screen import screened
 from ambient_trainer.selection.search import (
     ScoredSystem,
     SearchResult,
     circuit_structure,
     flat_from,
-    prepared,
+    numbered,
     searched,
 )
 from ambient_trainer.selection.topology import initial_topologies
 
-from .conftest import AGAIN, LONER, OPTIONS, PAIR, found_in, made_up
+from .conftest import AGAIN, LONER, PAIR, data_of, found_in, made_up
 
 
 def test_the_right_pair_is_recommended_and_holds_on_another_run(found):
@@ -63,7 +62,7 @@ def test_a_double_is_an_alternative():
 
 def test_several_traces_are_searched_together():
     traces = [made_up(0), made_up(1, path="other.csv")]
-    data = prepared(traces, *screened(traces), OPTIONS)
+    data = data_of(*traces)
     assert {each.segment for each in data.blocks} == {0, 1}
     with ResumablePool(1) as pool:
         result = searched(data, pool, with_circuits=False)
@@ -73,7 +72,7 @@ def test_several_traces_are_searched_together():
 
 def test_a_trace_to_check_on_is_looked_at_before_the_work():
     trace = made_up()
-    data = prepared([trace], *screened([trace]), OPTIONS)
+    data = data_of(trace)
     lacking, blind = made_up(3, path="lacking.csv"), made_up(3, path="blind.csv")
     del lacking.columns["chip_degC"], lacking.columns["right_degC"]
     blind.columns["ambient_degC"][:] = np.nan
@@ -118,7 +117,7 @@ def masked(segments, block):
 
 @pytest.fixture(scope="module")
 def pair(small):
-    rows = list(small.places("left", "right"))
+    rows = list(numbered(small, ("left", "right")))
     return [Segment(each.period_s, each.inputs[rows], each.outputs) for each in small.segments]
 
 
@@ -136,7 +135,7 @@ def test_a_circuit_reads_the_sensors_that_it_names(small):
     for topology in initial_topologies(("right", "left"), 2):
         structure = circuit_structure(small.segments, small.names, (90.0, 20.0), topology)
         for row, column in enumerate(structure.circuit.inputs):
-            np.testing.assert_array_equal(structure.segments[0].inputs[row], small.trace.columns[column])
+            np.testing.assert_array_equal(structure.segments[0].inputs[row], small.traces[0].columns[column])
 
 
 def held_out(*mean_squares):

@@ -10,12 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from ambient_model.codec import load_model, save_model
+from ambient_studies.lower_bound.study import Seeds, lower_bounds
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_trace
@@ -61,37 +60,11 @@ def rmse(several: list[Evaluation]) -> float:
     return float(np.sqrt(np.mean([each.metrics.rmse_degC**2 for each in several])))
 
 
-def lagged(trace: Trace) -> np.ndarray:
-    """The sensors behind fourteen lags each, and one: what nearly every linear filter is a sum of."""
-    u = np.vstack([trace.columns[f"{name}_degC"] for name in SENSORS])
-    rows = [u, np.ones((1, u.shape[1]))]
-    for tau in np.geomspace(2, 8000, 14):
-        kept = np.exp(-1 / tau)
-        rows.append(lfilter([1 - kept], [1, -kept], u - u[:, :1]) + u[:, :1])
-    return np.concatenate(rows)
-
-
 @pytest.fixture(scope="module")
-def limit(traces):
-    """What is left on scenario 4 by the best linear filter fitted to other seeds of scenario 4 itself.
-
-    The better one of two: the free filter of as many states, and sensors behind so many lags that poles do not matter.
-    """
-    own = [each.trace for each in simulate_many([("4", seed) for seed in LIMIT])]
-    weights = shown(own)
-    lags = [np.mean((weights @ lagged(traces["4", seed]) - traces["4", seed].reference) ** 2) for seed in UNSEEN]
-    columns = tuple(f"{name}_degC" for name in SENSORS)
-    free = model_of(FreeFilterEstimator(4).fit(own, Effort(starts=4), None, None, columns), [], {})
-    found = float(np.sqrt(np.mean(lags))), rmse([evaluate_trace(free, traces["4", seed]) for seed in UNSEEN])
-    return min(found)
-
-
-def shown(several: list[Trace]) -> np.ndarray:
-    """The least-squares weights of :func:`lagged`."""
-    tables = [(lagged(each)[:, ::7], each.reference[::7]) for each in several]
-    gram, cross = sum(S @ S.T for S, _ in tables), sum(S @ y for S, y in tables)
-    scale = np.sqrt(np.diag(gram))
-    return np.linalg.solve(gram / scale[:, None] / scale + 1e-6 * np.eye(len(scale)), cross / scale) / scale
+def limit(model):
+    """What is left on scenario 4 by the best linear filter fitted to other seeds of scenario 4 itself."""
+    [bound] = lower_bounds(model, ["4"], Seeds(LIMIT, UNSEEN), 1.0, lambda *_: None)
+    return min(each.rmse_degC for each in bound.filters[:2])  # of the same sensors
 
 
 def test_no_scenario_is_above_one_degree_and_scenario_4_is_near_the_limit(scored, limit):
@@ -102,14 +75,6 @@ def test_no_scenario_is_above_one_degree_and_scenario_4_is_near_the_limit(scored
 def test_the_noise_gain_is_below_two(model):
     told = model.provenance["fit"]
     assert max(each["noise_gain"] for each in (told["main"], told["guard"], *told["fallbacks"].values())) < 2.0
-    # the device's own recursion on noise about 20 degC
-    [discrete] = [each for each in model.main.discrete if each.period_s == 1.0]
-    A, B, C, D = (np.array(each) for each in discrete[1:])
-    random, x, said = np.random.default_rng(1), np.array(model.main.initial) @ np.full(5, 20.0), []
-    for u in 20.0 + random.standard_normal((40_000, 5)):
-        said.append((C @ x + D @ u)[0])
-        x = A @ x + B @ u
-    assert np.std(said[2000:]) == pytest.approx(told["main"]["noise_gain"], rel=0.05)
 
 
 def test_the_interval_holds_what_it_says(scored):
