@@ -90,6 +90,13 @@ def response_of(circuit: Circuit, u: np.ndarray, start=None, values: dict[str, f
     return run_loop(discrete, u, rest(discrete, u[:, 0]) if start is None else np.array(start))
 
 
+def rise_inputs(random: np.random.Generator, samples: int, hold: int = 100) -> np.ndarray:
+    """What the rise circuit reads: two sensors that wander, and a hot one at levels that it keeps for ``hold`` s."""
+    wander = np.cumsum(random.normal(size=(2, samples)), axis=1) * [[0.2], [0.1]]
+    hot = np.repeat(random.choice([30.0, 40.0, 55.0], samples // hold + 1), hold)[:samples]
+    return np.vstack([25 + wander[0], 24 + wander[1], hot])
+
+
 def rest(discrete: StateSpace, u: np.ndarray) -> np.ndarray:
     """The state of a discrete system that has seen ``u`` for ever."""
     return np.linalg.solve(np.eye(len(discrete.A)) - discrete.A, discrete.B @ u)

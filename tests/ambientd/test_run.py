@@ -91,17 +91,6 @@ def test_a_full_pipe_on_stdout_delays_nothing(start, model_file, write_trace):
     assert times == sorted(times)
 
 
-def test_a_replay_as_fast_as_it_goes_loses_no_line(ambientd, model_file, trace_file, tmp_path):
-    done = ambientd("run", "--model", model_file, "--replay", trace_file, "--speed", "0")
-    assert done.returncode == 0
-    said = [json.loads(line) for line in done.stdout.splitlines()]
-    ambientd("replay", model_file, trace_file, "-o", tmp_path / "out.csv")
-    rows = [line.split(",") for line in (tmp_path / "out.csv").read_text().splitlines()[1:]]
-    assert [[line["time_s"], line["ambient_degC"], line["status"]] for line in said] == [
-        [float(time_s), float(ambient), status] for time_s, ambient, _, _, status in rows
-    ]
-
-
 def test_a_rate_paces_a_replay_by_rows(start, ended, model_file, write_trace):
     """What lies between the rows in the trace is not waited for."""
     trace = write_trace([(k * 25.0, 30.0, 25.0) for k in range(5)])

@@ -4,7 +4,6 @@ import os
 
 import pytest
 
-from ambient_model.model import Input
 from ambientd.config import settings_for_model
 from ambientd.notices import Notice
 from ambientd.sources.sensor import Sensor
@@ -12,8 +11,7 @@ from ambientd.sources.sensors import Sensors
 from ambientd.sources.supervision import Rules
 from ambientd.sources.zone import Zone
 
-USB = Input("usb", "degC", "usb-therm", -20.0, 90.0)
-BATTERY = Input("battery", "degC", "battery", -20.0, 70.0)
+from .conftest import BATTERY, USB
 
 
 @pytest.fixture

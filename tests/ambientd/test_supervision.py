@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from ambient_model.model import Input
 from ambientd.sources.supervision import BackOff, Rules, Supervision
 
-USB = Input("usb", "degC", "usb-therm", -20.0, 90.0)
-BATTERY = Input("battery", "degC", "battery", -20.0, 70.0)
+from .conftest import BATTERY, USB
+
 SOC = Input("soc", "degC", "cpu-0-0", -20.0, 110.0)
 CURRENT = Input("battery_current", "A", "", -5.0, 5.0)
 

@@ -37,6 +37,7 @@ INPUTS = (
     Input("battery", "degC", "battery", -40.0, 70.0),
     Input("soc", "degC", "cpu-0-0", -40.0, 110.0),
 )
+KINDS = ("usb-therm", "battery", "cpu-0-0")
 LAG_S = 10.0
 PATIENT = """
 import sys

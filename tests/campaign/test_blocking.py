@@ -6,7 +6,7 @@ import sys
 
 from processes import ran
 
-from .conftest import Outputs
+from .conftest import PATIENT, Outputs
 
 FOR_EVER_S = 1e6
 PATIENCE_S = 0.25
@@ -49,9 +49,8 @@ def test_ticks_that_slow_sensors_do_not_leave_time_for_are_reported_and_counted(
     outputs = Outputs(tmp_path / "out")
     for kind in ("usb-therm", "battery", "cpu-0-0"):
         zones.fail(kind, block_s=0.2)
-    patient = "import sys; from ambientd.sources import reader; reader.PATIENCE_S = 30.0; from ambientd import __main__"
     run = ["run", "--config", config(outputs, rate_hz=10)]
-    call = [sys.executable, "-c", f"{patient}; sys.exit(__main__.main())", *run]
+    call = [sys.executable, "-c", PATIENT.format(30.0), *run]
     with subprocess.Popen(call, stderr=subprocess.PIPE, text=True, env={"LD_PRELOAD": str(device_library)}) as daemon:
         daemon.stderr.readline()
         line = daemon.stderr.readline()

@@ -5,7 +5,8 @@ import os
 
 import pytest
 
-KINDS = ("usb-therm", "battery", "cpu-0-0")
+from .conftest import KINDS
+
 ERRORS = ("EAGAIN", "ENODATA", "ENXIO", "EIO", "ETIMEDOUT", "ENODEV", "EINVAL")
 
 

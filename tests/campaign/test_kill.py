@@ -30,11 +30,11 @@ def echo_model(saved):
 
 
 @pytest.fixture
-def observed(tmp_path):
+def observed(tmp_path, spawn):
     """The folder to publish in, someone who looks at it all the time, and what that one has to say in the end."""
     folder = tmp_path / "out"
     folder.mkdir()
-    observer = subprocess.Popen([sys.executable, str(OBSERVER), str(folder)], stdout=subprocess.PIPE)
+    observer = spawn([sys.executable, OBSERVER, folder])
 
     def end():
         (folder / "stop").touch()
@@ -42,10 +42,7 @@ def observed(tmp_path):
         (folder / "stop").unlink()
         return json.loads(said)
 
-    yield folder, end
-    observer.kill()
-    observer.wait()
-    observer.stdout.close()
+    return folder, end
 
 
 def test_killed_at_random_moments_it_never_misleads(tmp_path, echo_model, observed, until):

@@ -9,7 +9,8 @@ import pytest
 
 from processes import resident_kB
 
-KINDS = ("usb-therm", "battery", "cpu-0-0")
+from .conftest import KINDS
+
 ERRORS = ("EAGAIN", "ENODATA", "ENXIO", "EIO", "ETIMEDOUT", "ENODEV")
 ROUNDS = 15
 PATIENCE_S = 0.25

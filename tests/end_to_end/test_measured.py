@@ -38,13 +38,6 @@ def rmse(reference, estimate):
     return float(np.sqrt(np.nanmean((reference - estimate) ** 2)))
 
 
-def compare(process, trace, split_s, *arguments):
-    out = trace.parent / "compare.json"
-    printed = process("ambient_trainer", "compare", trace, "--split", split_s, "--json", out, *arguments)
-    print(printed)
-    return printed, {each["circuit"]: each for each in json.loads(out.read_text())["contenders"]}
-
-
 @pytest.fixture
 def chamber(command, chamber_log, tmp_path):
     return import_chamber(command, chamber_log, tmp_path, {channel: f"ch{channel}" for channel in CHANNELS})
@@ -77,7 +70,9 @@ def test_circuits_beside_the_yardstick_and_two_of_them_in_the_daemon(process, ch
     circuits = [argument for name in names for argument in ("--circuit", name)]
     split_s = split_of(trace)
     (tmp_path / "models").mkdir()
-    printed, found = compare(process, trace, split_s, *circuits, "--models", tmp_path / "models")
+    outputs = ("--models", tmp_path / "models", "--json", tmp_path / "compare.json")
+    printed = process("ambient_trainer", "compare", trace, "--split", split_s, *circuits, *outputs)
+    found = {each["circuit"]: each for each in json.loads((tmp_path / "compare.json").read_text())["contenders"]}
     as_documented("trainer/docs/results.md", "## The estimate on the chamber log", printed)
     assert 2.0 < found["model2_ss_free_cd"]["held_out_rmse_degC"] < 4.0  # what the thesis's best structure leaves
     assert found["free-3"]["held_out_rmse_degC"] < 0.75 < found["model2_ss"]["held_out_rmse_degC"]

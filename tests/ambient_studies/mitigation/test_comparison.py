@@ -43,12 +43,8 @@ def known_phone(noise_degC):
     power_W[:300] = 0.0  # it starts in steady state
     kept = np.exp(-1 / 240)
     # held from sample to sample, as the simulation holds it
-    heated = np.concatenate([[0.0], lfilter([1 - kept], [1, -kept], 2.5 * power_W)[:-1]])
-    walls = np.empty(count)
-    walls[0] = air[0]
-    for k in range(1, count):
-        walls[k] = kept * walls[k - 1] + (1 - kept) * air[k - 1]
-    skin = walls + heated
+    heated, walls_K = lfilter([0, 1 - kept], [1, -kept], np.vstack([2.5 * power_W, air - air[0]]))
+    skin = air[0] + walls_K + heated
     columns = {
         "soc_degC": skin + 10 * power_W,
         "air_degC": air,

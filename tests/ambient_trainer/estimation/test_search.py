@@ -9,19 +9,14 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.search import Budget, search
 
-from ..conftest import response_of, truth_of
-
-
-def _steps(random, levels, length, hold):
-    return np.repeat(random.choice(levels, length // hold + 1), hold)[:length]
+from ..conftest import response_of, rise_inputs, truth_of
 
 
 @pytest.fixture
 def rise_data(rise):
     """5000 s of the ambient that a rise circuit makes of wandering sensors, seen with 0.1 degC of white noise."""
     random = np.random.default_rng(4)
-    wander = [np.cumsum(random.normal(size=5000)) * scale for scale in (0.2, 0.1)]
-    u = np.vstack([25 + wander[0], 24 + wander[1], 30 + _steps(random, [0.0, 10.0, 25.0], 5000, 150)])
+    u = rise_inputs(random, 5000, 150)
     y = response_of(rise, u)
     return truth_of(rise), Segment(1.0, u, y + random.normal(size=y.shape) * 0.1)
 

@@ -13,7 +13,7 @@ from ambient_trainer.estimation.search import Solution, search
 from ambient_trainer.estimation.uncertainty import residual_memory, residuals, uncertainty
 from ambient_trainer.lti.discretise import discretised
 
-from ..conftest import response_of, rest, run_loop, truth_of
+from ..conftest import response_of, rest, rise_inputs, run_loop, truth_of
 
 FITS = 200
 SAMPLES = 2000
@@ -26,10 +26,7 @@ def _noise(random, shape, phi):
 
 
 def _rise_outputs(circuit):
-    random = np.random.default_rng(2)
-    wander = [np.cumsum(random.normal(size=SAMPLES)) * scale for scale in (0.2, 0.1)]
-    hot = 30 + np.repeat(random.choice([0.0, 10.0, 25.0], SAMPLES // 100), 100)
-    u = np.vstack([25 + wander[0], 24 + wander[1], hot])
+    u = rise_inputs(np.random.default_rng(2), SAMPLES)
     return truth_of(circuit), u, response_of(circuit, u)
 
 

@@ -11,6 +11,7 @@ from ambient_trainer.estimators.check import check_estimator
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.registry import estimator, estimator_names, thermal_circuit
 from ambient_trainer.estimators.report import report_of
+from ambient_trainer.lti.lag import lagged
 from refusals import refused
 
 ANY = [name for name in estimator_names() if estimator(name).reads_any and estimator(name).name == name]
@@ -24,10 +25,7 @@ def made(seed: int, samples: int, names: tuple[str, ...] = ("battery", "usb")) -
     columns = {"ambient_degC": ambient}
     for index, name in enumerate(names):
         lag, heat = 30.0 * (1 + index), np.repeat(random.uniform(0, 5, samples // 50 + 1), 50)[:samples]
-        row = np.empty(samples)
-        row[0] = ambient[0]
-        for k in range(1, samples):
-            row[k] = row[k - 1] + 5.0 / (lag + 5.0) * (ambient[k] + heat[k] / (1 + index) - row[k - 1])
+        row = lagged(ambient + heat / (1 + index), lag, 5.0)
         columns[f"{name}_degC"] = row + random.normal(0, 0.02, samples)
     return Trace(f"made {seed}", time_s, columns)
 

@@ -13,7 +13,7 @@ from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.registry import CircuitEstimator
 from refusals import refused
 
-from ..conftest import response_of, truth_of
+from ..conftest import response_of, rise_inputs, truth_of
 
 ONE = Effort(starts=1)
 QUIET = slice(2500, 4600)
@@ -25,9 +25,7 @@ def logged(rise):
 
     def make(seed=0, samples=7000):
         random = np.random.default_rng(seed)
-        chip = np.repeat(random.choice([30.0, 40.0, 55.0], samples // 100 + 1), 100)[:samples]
-        wander = np.cumsum(random.normal(size=(2, samples)), axis=1) * [[0.2], [0.1]]
-        u = np.vstack([25 + wander[0], 24 + wander[1], chip])
+        u = rise_inputs(random, samples)
         u[:, QUIET] = u[:, [QUIET.start]]
         y = response_of(rise, u)[0] + random.normal(size=samples) * 0.1
         columns = {"board_degC": u[0], "shell_degC": u[1], "chip_degC": u[2], "ambient_degC": y}

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ambient_model.codec import save_model
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, ErrorVariance, Estimator, Input, Model, Secondary, Term
 from ambient_trainer.data.trace import Trace, save_trace
 
 INPUTS = (Input("usb", "degC", "usb-therm", -30.0, 90.0), Input("battery", "degC", "battery", -30.0, 90.0))
+BASELINE = {"kind": "static linear", "gains": {"usb": 1.25, "battery": -0.3}, "offset": 0.5}
 
 
 def two_sensor_model(provenance: dict[str, Any] | None = None, periods_s: tuple[float, ...] = (1.0,)) -> Model:
@@ -56,13 +56,11 @@ def sensor_trace(samples: int, seed: int = 1, period_s: float = 1.0) -> Trace:
 
 
 @pytest.fixture
-def files(tmp_path: Path) -> Callable[..., tuple[str, str]]:
+def files(saved, tmp_path: Path) -> Callable[..., tuple[str, str]]:
     """Writes a model and a trace and returns their paths."""
 
     def save(trace: Trace, provenance: dict[str, Any] | None = None) -> tuple[str, str]:
-        model_path, trace_path = str(tmp_path / "model.json"), str(tmp_path / "trace.csv")
-        save_model(model_path, two_sensor_model(provenance))
-        save_trace(trace_path, trace)
-        return model_path, trace_path
+        save_trace(str(tmp_path / "trace.csv"), trace)
+        return saved(two_sensor_model(provenance)), str(tmp_path / "trace.csv")
 
     return save

@@ -15,10 +15,9 @@ from ambient_trainer.evaluation.identifiability import identifiability
 from ambient_trainer.evaluation.report import report_of
 from ambient_trainer.report import Report
 
-from .conftest import guarded_model, sensor_trace, two_sensor_model
+from .conftest import BASELINE, guarded_model, sensor_trace, two_sensor_model
 
 HOSTILE = "</script><script>alert(1)</script>"
-BASELINE = {"kind": "static linear", "gains": {"usb": 1.25, "battery": -0.3}, "offset": 0.5}
 
 
 @cache

@@ -17,7 +17,7 @@ from ambient_trainer.lti.statespace import StateSpace
 from refusals import refused
 
 from ..conftest import run_loop
-from .conftest import guarded_model, sensor_trace, two_sensor_model
+from .conftest import BASELINE, guarded_model, sensor_trace, two_sensor_model
 
 INPUTS = ("usb_degC", "battery_degC")
 SYSTEM = StateSpace(
@@ -56,9 +56,6 @@ def test_an_unstable_system_ends_in_no_estimate():
     first = int(np.argmin(np.isfinite(found)))
     assert 20 < first < 100
     assert np.isnan(found[first:]).all()
-
-
-BASELINE = {"kind": "static linear", "gains": {"usb": 1.25, "battery": -0.3}, "offset": 0.5}
 
 
 def recursed(model: Model, trace: Trace, which: int) -> np.ndarray:

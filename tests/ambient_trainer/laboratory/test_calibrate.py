@@ -1,8 +1,5 @@
 import pytest
-from click.testing import CliRunner
 
-from ambient_model.faults import Refused
-from ambient_trainer.cli.commands.calibrate import command
 from ambient_trainer.data.probe_offsets import load_offsets
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.evaluation.bath import Settled
@@ -37,20 +34,20 @@ def test_patience_ends(instruments):
     assert [fault.problem.split(" has ")[0] for fault in faults] == ["a", "b"]
 
 
-def test_the_simulated_bath_is_recorded_and_gives_the_same_offsets_again_or_none_where_it_is_not_settled(tmp_path):
+def test_the_simulated_bath_is_recorded_and_gives_the_same_offsets_again_or_none_where_it_is_not_settled(
+    trainer, tmp_path
+):
     output, again, record = (str(tmp_path / name) for name in ("offsets.yaml", "again.yaml", "bath.csv"))
-    ran = CliRunner().invoke(command, ["--simulate", "--window", "120", "-o", output, "--record", record])
-    assert ran.exit_code == 0, ran.output
-    assert "the worst offset misses its by 0.0" in ran.output
-    assert "it lasts 0 s of 120 s" in ran.output, "without a terminal, too, it says what it waits for"
+    status, printed, said = trainer("calibrate", "--simulate", "--window", 120, "-o", output, "--record", record)
+    assert status == 0, said
+    assert "the worst offset misses its by 0.0" in printed
+    assert "it lasts 0 s of 120 s" in printed + said, "without a terminal, too, it says what it waits for"
     assert list(load_trace(record).columns) == ["bath_degC", "air1_degC", "air2_degC", "air3_degC", "air4_degC"]
-    ran = CliRunner().invoke(command, [record, "--window", "120", "-o", again])
-    assert ran.exit_code == 0, ran.output
+    assert trainer("calibrate", record, "--window", 120, "-o", again)[0] == 0
     first, second = load_offsets(output), load_offsets(again)
     assert {name: offset.at(0.0) for name, offset in first.items()} == pytest.approx(
         {name: offset.at(0.0) for name, offset in second.items()}, abs=0.02
     )
     unsettled = tmp_path / "unsettled.yaml"
-    ran = CliRunner().invoke(command, [record, "-o", str(unsettled), "--window", "90000"])
-    assert isinstance(ran.exception, Refused)
+    assert trainer("calibrate", record, "-o", unsettled, "--window", 90000)[0] == 1
     assert not unsettled.exists()

@@ -28,13 +28,8 @@ def rows(*entries):
     record = Record(HEAD, (StepBegan(0.0, 0, 0.0), StepBegan(100.3, 1, 0.0), *entries))
     grid = grid_of(record, CAMPAIGN)
     assert grid == Grid(100.0, 1.0)
-    found = trace_rows(record, CAMPAIGN, grid)
-    return [(time_s, row) for time_s, row in known(found).iterrows()]
-
-
-def known(table):
-    """With None for NaN."""
-    return table.astype(object).where(table.notna(), None)
+    found = trace_rows(record, CAMPAIGN, grid).astype(object)
+    return list(found.where(found.notna(), None).iterrows())
 
 
 def test_each_cell_is_what_was_said_in_its_second():

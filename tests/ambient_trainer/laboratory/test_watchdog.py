@@ -34,13 +34,9 @@ def chamber(closed):
 
 
 @pytest.fixture
-def process(chamber):
+def process(chamber, spawn):
     """A watchdog with the pipe in our hands."""
-    started = subprocess.Popen(watchdog_at(chamber.port).argv, stdin=subprocess.PIPE)
-    yield started
-    started.kill()
-    started.wait()
-    started.stdin.close()
+    return spawn(watchdog_at(chamber.port).argv, stdin=subprocess.PIPE)
 
 
 def ends(process):
