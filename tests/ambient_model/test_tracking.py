@@ -60,15 +60,12 @@ def numpy_outputs(estimator: Estimator, path: np.ndarray) -> np.ndarray:
     return np.array(outputs)
 
 
-def assert_close(given: list[Estimate], wanted: np.ndarray, tolerance: float = 1e-12) -> None:
-    np.testing.assert_allclose([each.ambient_degC for each in given], wanted, rtol=tolerance, atol=tolerance)
-
-
 def assert_starts_again(tracker: Tracker, at_s: float, period_s: float = 1.0) -> None:
     path = wander(5)
     given = fed(tracker, path, at_s, period_s)
     assert [each.status for each in given] == [WARMING_UP] * 5
-    assert_close(given, numpy_outputs(tracker.estimator, path))
+    wanted = numpy_outputs(tracker.estimator, path)
+    np.testing.assert_allclose([each.ambient_degC for each in given], wanted, rtol=1e-12, atol=1e-12)
 
 
 ESTIMATOR = random_estimator()

@@ -24,6 +24,11 @@ USB = Input("usb", "degC", "usb-therm", -20.0, 90.0)
 BATTERY = Input("battery", "degC", "battery", -20.0, 70.0)
 
 
+def text(path: Path) -> str:
+    """What a file holds; nothing where it is not there."""
+    return path.read_text() if path.exists() else ""
+
+
 def lag(period_s: float, tau_s: float) -> float:
     return math.exp(-period_s / tau_s)
 
@@ -142,6 +147,12 @@ def on_phone(model_file: str, phone: FakeSysfs) -> Callable[..., list[str]]:
     """The arguments that run the model on the phone at 20 Hz and publish to some outputs."""
     run = ["run", "--model", model_file, "--sysfs-root", str(phone.root), "--rate", "20"]
     return lambda *outputs: [*run, *(word for each in outputs for word in ("--publish", each))]
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> str:
+    """Of a socket."""
+    return str(tmp_path / "s")
 
 
 @pytest.fixture

@@ -14,19 +14,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ambientd import client
-from ambientd.client import (
-    Absent,
-    Follower,
-    Malformed,
-    NoValue,
-    Poisoned,
-    Reading,
-    Sensor,
-    Stale,
-    parse_reading,
-    read_file_degC,
-    read_status,
-)
+from ambientd.client import Absent, Follower, Malformed, NoValue, Poisoned, Reading, Sensor, Stale
 from documents import anything
 
 SOURCE = Path(client.__file__)
@@ -64,9 +52,9 @@ def value_file(tmp_path):
 
 def test_a_files_offset_is_subtracted_and_not_from_its_poison(value_file):
     path = value_file(b"95000\n")
-    assert read_file_degC(path, 60, offset_millidegC=100_000) == -5.0
+    assert client.read_file_degC(path, 60, offset_millidegC=100_000) == -5.0
     with pytest.raises(Poisoned, match="95000"):
-        read_file_degC(path, 60, poison_millidegC=95_000, offset_millidegC=100_000)
+        client.read_file_degC(path, 60, poison_millidegC=95_000, offset_millidegC=100_000)
 
 
 @pytest.mark.parametrize(
@@ -82,18 +70,18 @@ def test_a_files_offset_is_subtracted_and_not_from_its_poison(value_file):
 def test_a_file_without_a_trustworthy_value_gives_none(value_file, content, ago_s, kind):
     path = value_file(content, ago_s)
     with pytest.raises(kind, match=f"^{path}: "):
-        read_file_degC(path, 60, poison_millidegC=60_000)
+        client.read_file_degC(path, 60, poison_millidegC=60_000)
 
 
 def test_what_is_not_there_or_no_file_neither_gives_a_value_nor_hangs(tmp_path):
     with pytest.raises(Absent):
-        read_file_degC(str(tmp_path / "none"), 60)
+        client.read_file_degC(str(tmp_path / "none"), 60)
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", tmp_path):
         with pytest.raises(Malformed):
-            read_file_degC(str(path), 60)
+            client.read_file_degC(str(path), 60)
     with pytest.raises(Malformed):
-        read_status("/dev/zero", 60)
+        client.read_status("/dev/zero", 60)
 
 
 @given(content=st.binary(max_size=20) | st.from_regex(rb"\A-?[0-9]{1,14}\n{0,3}\Z"))
@@ -103,7 +91,7 @@ def test_whatever_a_file_holds_it_is_a_value_or_none(content, tmp_path_factory):
     path = tmp_path_factory.mktemp("values") / "file"
     path.write_bytes(content)
     try:
-        degC = read_file_degC(str(path), 60)
+        degC = client.read_file_degC(str(path), 60)
     except NoValue:
         whole = re.fullmatch(rb"(-?[0-9]+)\n+", content)
         assert whole is None or len(content) > 15 or int(whole[1]) < -273_150
@@ -112,10 +100,11 @@ def test_whatever_a_file_holds_it_is_a_value_or_none(content, tmp_path_factory):
 
 
 def test_a_line_becomes_a_reading():
-    assert parse_reading(line(12)) == Reading(
+    assert client.parse_reading(line(12)) == Reading(
         12.0, "bench", "tracking", 23.4, 22.9, 24.15, 90, 0.0, {"usb": Sensor("degC", None, 30.0)}
     )
-    assert parse_reading(line(status="faulted", ambient_degC=None, age_s=None, later="more")).ambient_degC is None
+    faulted = line(status="faulted", ambient_degC=None, age_s=None, later="more")
+    assert client.parse_reading(faulted).ambient_degC is None
 
 
 @pytest.mark.parametrize(
@@ -136,7 +125,7 @@ def test_a_line_becomes_a_reading():
 )
 def test_a_line_that_the_daemon_does_not_write_is_no_reading(wrong):
     with pytest.raises(ValueError, match=r"^is no reading") as refused:
-        parse_reading(wrong)
+        client.parse_reading(wrong)
     assert len(str(refused.value)) <= 200
 
 
@@ -151,7 +140,7 @@ KEYS = ("time_s", "model", "status", "ambient_degC", "low_degC", "high_degC", "l
 )
 def test_whatever_a_line_holds_it_is_a_finite_reading_or_none(content):
     try:
-        reading = parse_reading(content)
+        reading = client.parse_reading(content)
     except ValueError:
         return
     values = [reading.ambient_degC, reading.low_degC, reading.high_degC]
@@ -161,11 +150,11 @@ def test_whatever_a_line_holds_it_is_a_finite_reading_or_none(content):
 
 
 def test_a_status_file_is_read_and_its_age_counts(value_file):
-    assert read_status(value_file(line()), 60) == parse_reading(line())
+    assert client.read_status(value_file(line()), 60) == client.parse_reading(line())
     with pytest.raises(Stale):
-        read_status(value_file(line(), 61), 60)
+        client.read_status(value_file(line(), 61), 60)
     with pytest.raises(Malformed, match="is no reading"):
-        read_status(value_file(line()[:50]), 60)
+        client.read_status(value_file(line()[:50]), 60)
 
 
 def served(path):
@@ -176,22 +165,9 @@ def served(path):
 
 
 @pytest.fixture
-def path(tmp_path):
-    return f"{tmp_path}/s"
-
-
-@pytest.fixture
 def server(path):
     with served(path) as listener:
         yield listener
-
-
-@pytest.fixture
-def clock(monkeypatch):
-    """A clock that the test moves."""
-    now_s = [1000.0]
-    monkeypatch.setattr(client, "clock_s", lambda: now_s[0])
-    return now_s
 
 
 def test_each_line_is_a_reading_and_halves_are_joined(server, path):
@@ -230,8 +206,10 @@ def test_without_a_daemon_it_tries_ever_more_rarely_and_never_hangs(path, monkey
     assert follower.problem == "No such file or directory"
 
 
-def test_what_had_to_wait_for_its_consumer_is_as_old_as_it_is(server, path, clock):
+def test_what_had_to_wait_for_its_consumer_is_as_old_as_it_is(server, path, monkeypatch):
     """The daemon's buffer for a consumer that slept holds the eldest lines, not the newest."""
+    clock = [1000.0]
+    monkeypatch.setattr(client, "clock_s", lambda: clock[0])
     with Follower(path, 5) as follower:
         follower.wait(0)
         with server.accept()[0] as daemon:

@@ -9,9 +9,7 @@ import pytest
 from ambient_model.faults import Refused
 from ambientd.publish.claims import Claims
 
-
-def text(path):
-    return path.read_text() if path.exists() else ""
+from .conftest import text
 
 
 @pytest.mark.parametrize("kind", ["file", "file-in-place", "status", "prometheus"])

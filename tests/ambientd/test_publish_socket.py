@@ -27,11 +27,6 @@ def report(time_s):
 
 
 @pytest.fixture
-def path(tmp_path):
-    return str(tmp_path / "s")
-
-
-@pytest.fixture
 def server(path):
     opened = SocketServer(Spec("socket", path))
     yield opened

@@ -13,16 +13,14 @@ from ambientd.fallback import FallbackTracker
 from ambientd.schedule import Waiter
 from ambientd.service import Service
 
+from .conftest import text
+
 
 def say(phone, number, content):
     """Let a zone say something else, without a moment in which it is empty."""
     with open(phone.root / f"class/thermal/thermal_zone{number}/temp", "r+b", buffering=0) as stream:
         stream.write(content)
         stream.truncate()
-
-
-def text(path):
-    return path.read_text() if path.exists() else ""
 
 
 def test_it_follows_the_zones_and_leaves_nothing_behind(start, until, ended, on_phone, phone, tmp_path):

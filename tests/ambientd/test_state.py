@@ -84,10 +84,6 @@ def test_all_goes_on_to_the_bit_where_it_stood(make_model, without, at):
     assert fed(second, samples[at:]) == wanted[at:]
 
 
-def a_state(tracker, now_s=99.0):
-    return State("model", "boot", now_s, tracker.snapshot())
-
-
 @pytest.fixture
 def settled(make_model):
     tracker = FallbackTracker(make_model(fallbacks=True), 1.0)
@@ -110,7 +106,7 @@ def test_what_may_not_be_believed_is_not(make_model, settled, change, reason):
     tracker = FallbackTracker(make_model(fallbacks=True), 1.0)
     call = {"model": "model", "boot": "boot", "now_s": 99.0, "max_age_s": 600.0, **change}
     with pytest.raises(ValueError, match=f"^{reason}$"):
-        take_back(a_state(settled), tracker, **call)
+        take_back(State("model", "boot", 99.0, settled.snapshot()), tracker, **call)
     assert tracker.snapshot().snapshots == (None,) * 3
 
 

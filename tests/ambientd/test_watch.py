@@ -12,11 +12,6 @@ from processes import ran
 
 
 @pytest.fixture
-def path(tmp_path):
-    return f"{tmp_path}/s"
-
-
-@pytest.fixture
 def daemon(start, until, on_phone, path):
     """Start a daemon at 20 Hz and wait for its socket."""
 

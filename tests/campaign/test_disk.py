@@ -12,29 +12,21 @@ import pytest
 from .conftest import Outputs, number_in
 
 
-@pytest.fixture
-def newest_or_nothing(zones):
+def newest_or_nothing(daemon, zones, count, first):
     """Ticks in which every value differs from the last: of those that are published, none is older than the tick."""
-
-    def tick(daemon, count, first):
-        there = []
-        for k in range(first, first + count):
-            zones.say("usb-therm", 30000 + 10 * k)
-            daemon.tick()
-            found = []
-            for path in (daemon.outputs.temp, daemon.outputs.same):
-                with contextlib.suppress(FileNotFoundError):
-                    found.append(number_in(path.read_bytes()))
-            assert set(found) <= {28000 + 9 * k, 99000}
-            there.append(found)
-            for path in (daemon.outputs.status_file, daemon.outputs.prometheus):
-                with contextlib.suppress(FileNotFoundError):
-                    assert path.read_bytes().endswith(b"\n")
+    for k in range(first, first + count):
+        zones.say("usb-therm", 30000 + 10 * k)
+        daemon.tick()
+        found = []
+        for path in (daemon.outputs.temp, daemon.outputs.same):
             with contextlib.suppress(FileNotFoundError):
-                json.loads(daemon.outputs.status_file.read_bytes())
-        return there
-
-    return tick
+                found.append(number_in(path.read_bytes()))
+        assert set(found) <= {28000 + 9 * k, 99000}
+        for path in (daemon.outputs.status_file, daemon.outputs.prometheus):
+            with contextlib.suppress(FileNotFoundError):
+                assert path.read_bytes().endswith(b"\n")
+        with contextlib.suppress(FileNotFoundError):
+            json.loads(daemon.outputs.status_file.read_bytes())
 
 
 @pytest.fixture
@@ -50,19 +42,15 @@ def small_disk(tmp_path):
     subprocess.run(["umount", "-l", folder], check=True)
 
 
-def fill(folder):
-    with open(folder / "filling", "wb", buffering=0) as stream, contextlib.suppress(OSError):
-        while True:
-            stream.write(bytes(512))
-
-
-def test_a_full_disk_holds_no_old_value_and_is_told_of_once(start, small_disk, newest_or_nothing):
+def test_a_full_disk_holds_no_old_value_and_is_told_of_once(start, zones, small_disk):
     outputs = Outputs(small_disk / "out")
     daemon = start(outputs)
-    newest_or_nothing(daemon, 40, 1)
+    newest_or_nothing(daemon, zones, 40, 1)
     descriptors = daemon.descriptors
-    fill(small_disk)
-    newest_or_nothing(daemon, 60, 41)
+    with open(small_disk / "filling", "wb", buffering=0) as stream, contextlib.suppress(OSError):
+        while True:
+            stream.write(bytes(512))
+    newest_or_nothing(daemon, zones, 60, 41)
     (small_disk / "filling").unlink()
     daemon.tick()
     assert daemon.steps(3)[-1]["status"] == "tracking"

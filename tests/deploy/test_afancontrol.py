@@ -29,15 +29,11 @@ def program(tmp_path_factory):
     return str(folder / "bin" / "afancontrol")
 
 
-@pytest.fixture
-def board(tmp_path):
-    """A fan as hwmon shows one."""
-    return write_files(tmp_path, {"pwm1": "0\n", "pwm1_enable": "1\n", "fan1_input": "900\n"})
-
-
 def test_the_fan_follows_the_estimate_and_a_fault_is_full_speed(
-    program, board, spawn, until, deployed, model_file, phone, tmp_path
+    program, spawn, until, deployed, model_file, phone, tmp_path
 ):
+    # a fan as hwmon shows one
+    board = write_files(tmp_path, {"pwm1": "0\n", "pwm1_enable": "1\n", "fan1_input": "900\n"})
     published, zones = board / "temp1_input", phone / "class/thermal"
     config = configparser.ConfigParser()
     config.read(SHIPPED)

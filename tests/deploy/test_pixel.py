@@ -6,6 +6,7 @@ also moves every path under HAL_ROOT, and the time by hand. AMBIENTD_PIXEL_HAL h
 start alone, or these lie beside the repository.
 """
 
+import functools
 import json
 import os
 import re
@@ -33,16 +34,6 @@ WATCHED_S = 10.0
 """Longer than a PollingDelay."""
 
 
-@pytest.fixture(scope="module")
-def parser(program, tmp_path_factory):
-    """The HAL's parser and the beginning of its start, with kernel zones: gives exit status and what it says."""
-    if not (PARSER / "harness.cpp").is_file():
-        pytest.skip("the HAL's parser is not in AMBIENTD_PIXEL_HAL")
-    built = tmp_path_factory.mktemp("parser") / "harness"
-    compiled(program, PARSER / "harness.cpp", built, f"-I{PARSER}", f"-I{PARSER / 'inc'}")
-    return lambda *zones: ran(built, SNIPPET, *zones, status=None)
-
-
 def compiled(program, source, target, *options):
     if not Path("/usr/include/jsoncpp").is_dir():
         pytest.skip("libjsoncpp-dev is not installed")
@@ -50,7 +41,12 @@ def compiled(program, source, target, *options):
     ran(program("g++"), *flags, source, "-ljsoncpp", "-o", target, timeout=300)
 
 
-def test_the_parser_watches_both_sensors_where_the_kernel_has_the_zones(parser):
+def test_the_parser_watches_both_sensors_where_the_kernel_has_the_zones(program, tmp_path):
+    """The HAL's parser and the beginning of its start, with kernel zones."""
+    if not (PARSER / "harness.cpp").is_file():
+        pytest.skip("the HAL's parser is not in AMBIENTD_PIXEL_HAL")
+    compiled(program, PARSER / "harness.cpp", tmp_path / "harness", f"-I{PARSER}", f"-I{PARSER / 'inc'}")
+    parser = functools.partial(ran, tmp_path / "harness", SNIPPET, status=None)
     done = parser(*OF_THE_DEVICE)
     assert done.returncode == 0, done.stderr
     assert "spare_therm is_watch=1 path=/dev/ambientd/ambient_temp" in done.stderr

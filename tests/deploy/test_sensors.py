@@ -111,12 +111,6 @@ def daemon(compiled, weather, spawn, deployed, model_file):
     return lambda degC: weather.start(spawn, [*run, f"socket:{place}"], ambient_degC=degC)
 
 
-@pytest.fixture
-def meanwhile(weather, until):
-    """Wait until a condition holds while the daemon ticks, a second of its trace at a time."""
-    return lambda degC, condition: until(lambda: weather.say(degC, rows=1) or condition())
-
-
 def test_it_is_one_on_change_sensor_that_every_app_may_read(hal, until):
     hal.call("list", until)
     [line] = [line for line in hal.lines() if line.startswith("sensor ")]
@@ -125,7 +119,11 @@ def test_it_is_one_on_change_sensor_that_every_app_may_read(hal, until):
     )
 
 
-def test_the_events_follow_the_daemon_and_none_comes_of_a_fault_or_a_death(hal, daemon, weather, meanwhile, until):
+def test_the_events_follow_the_daemon_and_none_comes_of_a_fault_or_a_death(hal, daemon, weather, until):
+    def meanwhile(degC, condition):
+        """The daemon ticks, a second of its trace at a time."""
+        until(lambda: weather.say(degC, rows=1) or condition())
+
     daemon(23.0)
     assert hal.call("batch 200000000", until) == 0
     assert hal.values() == [], "nothing before it is activated"

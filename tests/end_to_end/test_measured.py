@@ -38,12 +38,8 @@ def rmse(reference, estimate):
     return float(np.sqrt(np.nanmean((reference - estimate) ** 2)))
 
 
-@pytest.fixture
-def chamber(command, chamber_log, tmp_path):
-    return import_chamber(command, chamber_log, tmp_path, {channel: f"ch{channel}" for channel in CHANNELS})
-
-
-def test_the_daemon_is_within_0_75_degC_on_what_it_never_saw(command, chamber, tmp_path):
+def test_the_daemon_is_within_0_75_degC_on_what_it_never_saw(command, chamber_log, tmp_path):
+    chamber = import_chamber(command, chamber_log, tmp_path, {channel: f"ch{channel}" for channel in CHANNELS})
     split_s = split_of(chamber)
     model = tmp_path / "model.json"
     command("ambient_trainer", "fit", chamber, "--circuit", "free-3", "--starts", 2, "--to", split_s, "-o", model)
@@ -76,7 +72,9 @@ def test_circuits_beside_the_yardstick_and_two_of_them_in_the_daemon(process, ch
     as_documented("trainer/docs/results.md", "## The estimate on the chamber log", printed)
     assert 2.0 < found["model2_ss_free_cd"]["held_out_rmse_degC"] < 4.0  # what the thesis's best structure leaves
     assert found["free-3"]["held_out_rmse_degC"] < 0.75 < found["model2_ss"]["held_out_rmse_degC"]
-    damaged = emptied(trace, "usb_degC", split_s, tmp_path / "damaged.csv")
+    table, damaged = pd.read_csv(trace, comment="#"), tmp_path / "damaged.csv"
+    table.loc[table.time_s >= split_s, "usb_degC"] = np.nan
+    table.to_csv(damaged, index=False)
     for name, worst_degC, worst_without_degC in [("free_observer", 0.58, 0.65), ("circuit_observer", 0.87, 0.87)]:
         assert found[name]["held_out_rmse_degC"] <= worst_degC
         model = tmp_path / "models" / f"{name}.json"
@@ -101,11 +99,3 @@ def in_the_daemon(process, trace, model, split_s, worst_degC):
     calm, moving = half[hurry <= np.median(hurry)], half[hurry >= np.quantile(hurry, 0.95)]
     print(f"half width {np.median(calm):.2f} degC in the calmer half, {np.median(moving):.2f} in the fastest twentieth")
     assert np.median(moving) > 4 * np.median(calm)
-
-
-def emptied(trace, column, from_s, path):
-    """A copy of ``trace`` whose cells of ``column`` are empty from ``from_s`` on."""
-    table = pd.read_csv(trace, comment="#")
-    table.loc[table.time_s >= from_s, column] = np.nan
-    table.to_csv(path, index=False)
-    return path

@@ -54,6 +54,7 @@ CAMERA, CASE = Cause("heat_source", "flash", "camera_on"), Cause("ambient_coupli
 
 
 def synthetic_outcomes() -> list[Outcome]:
+    """A benchmark of 400 cases."""
     random = np.random.default_rng(4)
     causes = [CAMERA, CASE, Cause("contact"), Cause("sensor_bias", "usb"), Cause("clock_offset"), Cause("path", "a-b")]
     outcomes = []
@@ -72,9 +73,3 @@ def synthetic_outcomes() -> list[Outcome]:
     outcomes += [Outcome((CAMERA, CASE), 6.0, (CASE, CAMERA), True, 0.05, 10.0, (0.1, 0.2), 8.0)] * 30
     outcomes += [Outcome((CAMERA, CASE), 6.0, (CASE,), False, 0.05, 10.0, (0.1, 0.2), 8.0)] * 10
     return outcomes
-
-
-@pytest.fixture(scope="session")
-def outcomes() -> list[Outcome]:
-    """A benchmark of 400 cases."""
-    return synthetic_outcomes()

@@ -27,6 +27,8 @@ from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, St
 from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.simulate import Truth
 
+from .conftest import synthetic_outcomes
+
 PHONE = load_circuit("phone")
 TIME_S = 5.0 + 10.0 * np.arange(100)
 HEAT = Truth("heat_source", "board2", "battery", "charger_on", 600.0, None, 0.8, "W")
@@ -198,8 +200,8 @@ def test_confidence_is_held_against_the_share_that_is_right():
     assert [right for _, _, right in cases[2].named] == [True, False]
 
 
-def test_a_machine_gets_the_counts(outcomes):
-    data = json.loads(json.dumps(as_json(outcomes), allow_nan=False))
+def test_a_machine_gets_the_counts():
+    data = json.loads(json.dumps(as_json(synthetic_outcomes()), allow_nan=False))
     assert data["cases"] == 400
     assert (data["false_alarms"]["hits"], data["false_alarms"]["cases"]) == (2, 60)
     assert sum(map(sum, data["confusion"]["counts"])) == 360

@@ -53,24 +53,13 @@ SCENARIO, PERIOD_S = "2.5", 5.0
 SEEDS = Seeds((6, 7, 8), (3, 4))
 
 
-@pytest.fixture(scope="module")
-def model_of_the_scenario():
-    """A free filter of order 2, fitted to the scenario itself: to the runs that the bound is fitted to."""
+def test_a_model_that_was_fitted_to_the_scenario_is_its_own_bound():
+    """A free filter of order 2, fitted to the runs that the bound is fitted to."""
     traces = [each.trace for each in simulate_many([(SCENARIO, seed) for seed in SEEDS.fitted], PERIOD_S)]
-    return model_of(FreeFilterEstimator(2).fit(traces, Effort(starts=4)), [], {})
-
-
-@pytest.fixture(scope="module")
-def found(model_of_the_scenario):
-    seen = []
-    [bound] = lower_bounds(model_of_the_scenario, [SCENARIO], SEEDS, PERIOD_S, lambda *each: seen.append(each))
-    assert [what for what, _, _ in seen[-4:]] == [
-        f"scenario {SCENARIO}: {step}" for step in ("model", "its own order", "bank", "every zone")
-    ]
-    return bound
-
-
-def test_a_model_that_was_fitted_to_the_scenario_is_its_own_bound(found):
+    model, seen = model_of(FreeFilterEstimator(2).fit(traces, Effort(starts=4)), [], {}), []
+    [found] = lower_bounds(model, [SCENARIO], SEEDS, PERIOD_S, lambda *each: seen.append(each))
+    steps = ("model", "its own order", "bank", "every zone")
+    assert [what for what, _, _ in seen[-4:]] == [f"scenario {SCENARIO}: {step}" for step in steps]
     own = found.filters[0]
     assert own.name == "free filter of order 2"
     assert (own.sensors, own.weights) == (5, 2 + 5 * 3 + 1)

@@ -51,23 +51,14 @@ BRIEF = Setting(work_min=12.0, idle_min=1.0)
 
 
 @pytest.fixture(scope="module")
-def by_case(records):
-    return {(each.case.room.name, each.case.knowledge, each.case.seed): each for each in records}
-
-
-@pytest.fixture(scope="module")
-def of(by_case):
+def of(records):
     """The records of a room and a governor."""
+    by_case = {(each.case.room.name, each.case.knowledge, each.case.seed): each for each in records}
     return lambda room, kind: [by_case[room, kind, seed] for seed in (1, 2)]
 
 
 def working(record, values):
     return values[record.time_s >= 0]
-
-
-def mine_and_cautious(records):
-    by_knowledge = {each.case.knowledge: each for each in records}
-    return by_knowledge[Knowledge.ESTIMATE], by_knowledge[Knowledge.HOTTEST]
 
 
 def mean_W(record):
@@ -133,7 +124,8 @@ def test_a_faulted_estimate_is_the_hottest_room(identified):
     """30 s after its sensor is lost the estimate of 17 degC is replaced by the hottest room, until it returns."""
     setting = replace(BRIEF, outage=Outage("usb", 5.0, 11.0))
     records = closed_loop(constant_model(17.0), identified, setting, [Room((35.0,))], [1])
-    mine, cautious = mine_and_cautious(records)
+    by_knowledge = {each.case.knowledge: each for each in records}
+    mine, cautious = by_knowledge[Knowledge.ESTIMATE], by_knowledge[Knowledge.HOTTEST]
     out = (mine.time_s >= 300 + 31) & (mine.time_s < 660)
     assert np.isnan(mine.estimate_degC[out]).all()
     assert (mine.used_degC[out] == setting.hottest_degC).all()

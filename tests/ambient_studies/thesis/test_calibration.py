@@ -23,11 +23,6 @@ def shipped_values():
     return {name: each.value for name, each in load_constants().items()}
 
 
-@pytest.fixture(scope="module")
-def shipped():
-    return record([shipped_values()], 0)[0]
-
-
 def test_the_published_formulas_give_the_published_errors_from_the_recovered_means():
     names = ("flash", "battery", "usb", "display")
     for scenario in ("1", "2.1", "2.3", "2.4"):
@@ -48,7 +43,8 @@ def test_every_shipped_mean_and_standard_deviation_is_within_its_bar():
     assert flash == [values.mean(), values.std()]
 
 
-def test_what_candidates_feel_is_the_trace_without_noise(shipped):
+def test_what_candidates_feel_is_the_trace_without_noise():
+    [shipped] = record([shipped_values()], 0)
     found = statistics(shipped)["2.3", "battery"]
     values = simulate("2.3", seed=0).trace.column("battery_degC")
     assert values.mean() == pytest.approx(found.mean_degC, abs=0.02)

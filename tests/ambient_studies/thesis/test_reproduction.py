@@ -17,11 +17,6 @@ def quiet(what, done, total):
     assert 0 <= done < total
 
 
-@pytest.fixture
-def done():
-    return synthetic_reproduction()
-
-
 def test_a_row_has_the_errors_of_its_method():
     found = evaluate([off_by("a", 2.0)], {"3": run_of("3"), "4": run_of("4")}, {("3", "a"): published_as(1.0)}, quiet)
     third, fourth = found.rows
@@ -34,8 +29,8 @@ def test_a_row_has_the_errors_of_its_method():
     assert fourth.published is fourth.ratio is None
 
 
-def test_the_correlation_takes_the_variant_that_saw_the_reference_for_one_model(done):
-    compared = like_published(done.evaluated.rows)
+def test_the_correlation_takes_the_variant_that_saw_the_reference_for_one_model():
+    compared = like_published(synthetic_reproduction().evaluated.rows)
     assert len(compared) == 60
     assert {(row.model == NONCAUSAL, row.variant) for row in compared} == {(True, "noncausal"), (False, "corrected")}
     # ten ranks of six each: all in order, but the third, which was moved to the front

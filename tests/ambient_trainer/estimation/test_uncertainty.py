@@ -1,7 +1,5 @@
 """Intervals cover the truth as often as they say, and what the data cannot tell is named."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -11,6 +9,7 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.search import Solution, search
 from ambient_trainer.estimation.uncertainty import residual_memory, residuals, uncertainty
+from ambient_trainer.evaluation.identifiability import held
 from ambient_trainer.lti.discretise import discretised
 
 from ..conftest import response_of, rest, rise_inputs, run_loop, truth_of
@@ -94,13 +93,6 @@ def test_the_memory_of_an_autoregression(phi):
     assert np.mean(found) == pytest.approx((1 + phi) / (1 - phi), rel=0.12)
 
 
-def _wandering(circuit, truth, samples=4000):
-    """What a circuit of the thesis makes of wandering sensors, without noise."""
-    random = np.random.default_rng(5)
-    u = 25 + np.cumsum(random.normal(size=(len(circuit.inputs), samples)), axis=1) * 0.3
-    return Segment(1.0, u, response_of(circuit, u, values=truth))
-
-
 RESISTANCES = {
     "R_flash_ambient": 12.0,
     "R_battery_ambient": 35.0,
@@ -113,20 +105,13 @@ CAPACITANCES = {"C_flash": 10.0, "C_battery": 30.0, "C_usb": 5.0}
 WEIGHTS = {"w1": 0.3, "w2": 0.2, "w3": 0.4}
 
 
-def _with_capacitances_fixed(circuit):
-    held = [
-        replace(each, initial=CAPACITANCES[each.name], free=False) if each.name in CAPACITANCES else each
-        for each in circuit.parameters
-    ]
-    return replace(circuit, parameters=tuple(held))
-
-
 def _known(circuit, weights):
     """The uncertainty at the parameters that made the data: identifiability is asked there, not where a search ends."""
     truth = {**RESISTANCES, **CAPACITANCES, **weights}
-    segment, random = _wandering(circuit, truth), np.random.default_rng(6)
-    noisy = replace(segment, outputs=segment.outputs + random.normal(size=segment.outputs.shape) * 0.1)
-    structure = CircuitStructure(circuit, [noisy])
+    # what a circuit of the thesis makes of wandering sensors
+    u = 25 + np.cumsum(np.random.default_rng(5).normal(size=(len(circuit.inputs), 4000)), axis=1) * 0.3
+    y = response_of(circuit, u, values=truth)
+    structure = CircuitStructure(circuit, [Segment(1.0, u, y + np.random.default_rng(6).normal(size=y.shape) * 0.1)])
     theta = np.array([np.log(truth[name]) for name in structure.search.names])
     beta = np.array([truth[name] for name in structure.linear.names])
     return uncertainty(structure, Solution(theta, beta, 0.0, 0.0, True, 0))
@@ -150,7 +135,7 @@ def test_model2_ss_with_everything_free_is_not_identifiable():
 
 
 def test_an_unknown_at_its_bound_has_no_interval_and_hides_nothing():
-    known = _known(_with_capacitances_fixed(load_circuit("model2_ss")), {**WEIGHTS, "w2": 0.0})
+    known = _known(held(load_circuit("model2_ss"), CAPACITANCES), {**WEIGHTS, "w2": 0.0})
     index = known.names.index("w2")
     assert known.confounded == ()
     assert known.at_bound.nonzero()[0].tolist() == [index]

@@ -3,7 +3,6 @@
 import gc
 import socket
 import warnings
-from dataclasses import replace
 
 import pytest
 
@@ -37,9 +36,3 @@ def logs(fleet_units, tmp_path_factory):
     folder = str(tmp_path_factory.mktemp("fleet") / "logs")
     write_dataset(folder, ((each.name, each.trace, {"case": each.case}) for each in fleet_units), each=5)
     return folder
-
-
-@pytest.fixture(scope="session")
-def other_run():
-    """The same units in another usage."""
-    return list(fleet(replace(PLAN, run=1)))

@@ -14,6 +14,9 @@ from ambient_model.faults import Refused
 from ambient_trainer.data.trace import save_trace
 from ambient_trainer.evaluation import evaluate_trace
 from ambient_trainer.fleet import engine, run
+from ambient_trainer.simulator.fleet import fleet
+
+from .conftest import PLAN
 
 EFFORT = at.Effort(starts=2)
 
@@ -23,13 +26,13 @@ def fitted(logs, tmp_path_factory):
     return at.fit_fleet(logs, "free-1", tmp_path_factory.mktemp("fitted"), engine="serial", effort=EFFORT)
 
 
-def test_each_unit_has_a_row_and_a_model_that_a_device_runs(fitted, fleet_units, other_run):
+def test_each_unit_has_a_row_and_a_model_that_a_device_runs(fitted, fleet_units):
     folder = Path(fitted.fitted.folder)
     table = pd.read_parquet(folder / "fleet.parquet")
     assert table["unit"].tolist() == [each.name for each in fleet_units]
     assert (table["status"] == "ok").all()
     rows = table.set_index("unit")
-    for each in other_run[:4]:
+    for each in list(fleet(replace(PLAN, run=1)))[:4]:  # in another usage
         model = load_model(str(folder / "models" / f"{each.name}.json"))
         low, high = model.main.interval[90]
         assert high == pytest.approx(rows.loc[each.name, "half_width_90_degC"])

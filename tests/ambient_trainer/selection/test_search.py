@@ -115,13 +115,9 @@ def masked(segments, block):
     return [Segment(each.period_s, each.inputs, outputs) for each in segments]
 
 
-@pytest.fixture(scope="module")
-def pair(small):
+def test_squares_are_those_of_independent_fits(small):
     rows = list(numbered(small, ("left", "right")))
-    return [Segment(each.period_s, each.inputs[rows], each.outputs) for each in small.segments]
-
-
-def test_squares_are_those_of_independent_fits(small, pair):
+    pair = [Segment(each.period_s, each.inputs[rows], each.outputs) for each in small.segments]
     whole, squares = refitted(FreeFilter(1, pair), small.blocks, 4, 400, 60)
     assert whole.sum_of_squares == pytest.approx(search(FreeFilter(1, pair), 4, 0).best.sum_of_squares)
     for block, square in zip(small.blocks, squares):

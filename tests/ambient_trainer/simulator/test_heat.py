@@ -22,11 +22,6 @@ def _demand(balance, activity, count=1):
     return balance.demand(np.full(count, _PHONE.activity_index([activity])), np.ones(count))
 
 
-def _run(activities, air_degC):
-    indices = np.array([_PHONE.activity_index([each]) for each in activities])
-    return Run(_PHONE, air_degC[0], air_degC, indices, np.ones(len(indices)), 0)
-
-
 def _solved(balance, run, period_s):
     """The same by an adaptive solver of order 8 that starts anew at every sample."""
     states = [balance.equilibrium(run.air_degC[:1], balance.demand(run.activity[:1], np.ones(1)))[0]]
@@ -48,7 +43,8 @@ def test_integration_agrees_with_an_adaptive_solver(balance, period_s):
     count = int(150 / period_s)
     activities = [each for each in ("idle", "cpu_100", "charging") for _ in range(count)]
     air_degC = 20 + np.cumsum(np.random.default_rng(1).normal(0, 0.1, len(activities)))
-    run = _run(activities, air_degC)
+    indices = np.array([_PHONE.activity_index([each]) for each in activities])
+    run = Run(_PHONE, air_degC[0], air_degC, indices, np.ones(len(indices)), 0)
     ours = integrate([run], period_s)[0].nodes_degC
     theirs = _solved(balance, run, period_s)
     assert theirs[:, SOC].max() > _PHONE.processor.governor.low_degC + 1  # the governor was at work

@@ -25,10 +25,6 @@ def test_the_nominal_unit_is_the_calibrated_phone_and_another_is_itself_whoever_
     assert some.zones == many[6].zones[3:]
 
 
-def _logs(many, of):
-    return np.log([of(each) for each in many])
-
-
 @pytest.mark.parametrize(
     ("of", "middle", "spread"),
     [
@@ -43,7 +39,7 @@ def _logs(many, of):
     ],
 )
 def test_what_scatters_by_so_much_does(many, of, middle, spread):
-    logs = _logs(many, of)
+    logs = np.log([of(each) for each in many])
     assert np.mean(logs) == pytest.approx(np.log(middle), abs=4 * spread / np.sqrt(MANY))
     assert np.std(logs) == pytest.approx(spread, rel=0.15)
 

@@ -52,18 +52,14 @@ def test_the_file_holds_all_that_a_device_needs(fitted, model):
 
 
 @pytest.fixture(scope="session")
-def unseen():
-    return [logged(seed, 4.0) for seed in (11, 12)]
-
-
-@pytest.fixture(scope="session")
 def free(brick_log):
     """The free filter of as many states, fitted to the same log."""
     columns = ("chip_degC", "board_degC", "shell_degC")
     return model_of(FreeFilterEstimator(4).fit([brick_log], Effort(starts=2), None, None, columns), [], {})
 
 
-def test_unseen_logs_are_estimated_as_well_as_by_the_free_filter_and_inside_the_interval(model, free, unseen):
+def test_unseen_logs_are_estimated_as_well_as_by_the_free_filter_and_inside_the_interval(model, free):
+    unseen = [logged(seed, 4.0) for seed in (11, 12)]
     found = [evaluate_trace(model, each) for each in unseen]
     for each, trace in zip(found, unseen):
         assert each.metrics.rmse_degC < 1.05 * evaluate_trace(free, trace).metrics.rmse_degC

@@ -93,11 +93,6 @@ SENSORS = ("a_degC", "b_degC", "c_degC")
 
 
 @pytest.fixture
-def circuit():
-    return RandomWalkAmbient(SENSORS, 0.3)
-
-
-@pytest.fixture
 def theta():
     return np.log([60.0, 200.0, 120.0, 1.5, 0.5, 0.002, 0.004, 0.001, 0.02, 0.05, 0.03, 0.2, 0.4, 0.1])
 
@@ -110,8 +105,9 @@ def segment_of(trace):
     return Segment(10.0, np.vstack([trace.columns[name] for name in SENSORS]), trace.reference[None])
 
 
-def test_it_is_the_kalman_filter_stepped_through_time(circuit, theta):
+def test_it_is_the_kalman_filter_stepped_through_time(theta):
     """A discrete Kalman filter at a hundredth of the period, its covariance running from what is known at first."""
+    circuit = RandomWalkAmbient(SENSORS, 0.3)
     segment = segment_of(walked(1, samples=60))
     h = 0.1
     A, Q, variance = circuit.process(theta)
