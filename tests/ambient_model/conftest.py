@@ -60,13 +60,7 @@ def estimators(draw: st.DrawFn, read: tuple[Input, ...], periods_s: list[float])
         inputs=read,
         states=tuple(draw(st.lists(texts, min_size=n, max_size=n, unique=True))),
         discrete=tuple(
-            Discrete(
-                period_s,
-                draw(contractions(n)),
-                draw(matrices(n, m)),
-                draw(matrices(1, n)),
-                draw(matrices(1, m)),
-            )
+            Discrete(period_s, draw(contractions(n)), draw(matrices(n, m)), draw(matrices(1, n)), draw(matrices(1, m)))
             for period_s in periods_s
         ),
         offset=draw(coefficients),

@@ -78,16 +78,8 @@ CALLS = [
     ("mitigate m.json --workload idle", 2, "'idle' is not one of 'cpu_100', 'cpu_50', 'camera_1080p', 'camera_4k'"),
     ("mitigate m.json --lose usb 5 5", 2, "--lose usb 5 5 ends before it begins"),
     ("mitigate m.json --room warm", 1, "--room: 'warm' is no temperature; write 5, or 35/5/35 for a walk"),
-    (
-        "mitigate m.json --sensor nose",
-        1,
-        "--sensor: the simulated phone has no zone 'nose'; it has soc, ",
-    ),
-    (
-        "mitigate m.json --lose modem 1 2",
-        1,
-        "neither the model nor; reads 'modem'; lose one of usb, battery, soc",
-    ),
+    ("mitigate m.json --sensor nose", 1, "--sensor: the simulated phone has no zone 'nose'; it has soc, "),
+    ("mitigate m.json --lose modem 1 2", 1, "neither the model nor; reads 'modem'; lose one of usb, battery, soc"),
     ("mitigate m.json --json m.json", 2, "would be overwritten by what is made from it"),
     ("units m.json --count 1", 2, "1 is not in the range"),
 ]

@@ -81,12 +81,7 @@ def broken(fleet_units, tmp_path):
     return folder
 
 
-REASONS = {
-    "no-reference": "ambient_degC",
-    "no-sensor": "usb_degC",
-    "all-missing": "usb_degC",
-    "empty": "empty",
-}
+REASONS = {"no-reference": "ambient_degC", "no-sensor": "usb_degC", "all-missing": "usb_degC", "empty": "empty"}
 
 
 def test_a_unit_that_cannot_be_fitted_is_a_row_with_the_reason(broken, trainer, tmp_path):

@@ -11,14 +11,7 @@ from ambient_model.faults import Refused
 from ambient_trainer.data.trace import load_trace, save_trace
 from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator.chamber import Chamber, coloured, ramped, wobble
-from ambient_trainer.simulator.device import (
-    Zone,
-    device_path,
-    load_constants,
-    load_device,
-    rounded,
-    with_calibrated,
-)
+from ambient_trainer.simulator.device import Zone, device_path, load_constants, load_device, rounded, with_calibrated
 from ambient_trainer.simulator.instruments import felt_weights, probe_reading, zone_reading
 from ambient_trainer.simulator.live import ChamberAir
 from ambient_trainer.simulator.run import schedule
