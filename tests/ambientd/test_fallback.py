@@ -120,8 +120,6 @@ SETTLED = [ALL] * 200
 @pytest.mark.parametrize(
     ("fallbacks", "coast_s", "then", "said"),
     [
-        (False, None, [ALL], ["tracking"]),
-        (False, None, [NO_USB] * 29 + [ALL], ["coasting"] * 29 + ["tracking"]),
         (False, None, [NO_USB] * 31 + [ALL], ["coasting"] * 30 + ["faulted"] + ["warming_up"]),
         (False, 0.0, [NO_USB, ALL], ["faulted", "tracking"]),
         (False, 5.0, [NO_USB] * 7 + [ALL], ["coasting"] * 5 + ["faulted"] * 2 + ["tracking"]),

@@ -138,10 +138,6 @@ def figures():
     return {each.number: [figure.value for figure in each.figures] for each in text_errata()}
 
 
-def test_each_has_its_number(figures):
-    assert list(figures) == [1, 2, 3, 5, 6, 7, 9, 10, 11]
-
-
 @pytest.mark.parametrize(
     ("number", "first", "written"),
     [

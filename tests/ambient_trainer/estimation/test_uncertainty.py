@@ -10,9 +10,8 @@ from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.search import Solution, search
 from ambient_trainer.estimation.uncertainty import residual_memory, residuals, uncertainty
 from ambient_trainer.evaluation.identifiability import held
-from ambient_trainer.lti.discretise import discretised
 
-from ..conftest import response_of, rest, rise_inputs, run_loop, truth_of
+from ..conftest import response_of, rise_inputs, truth_of
 
 FITS = 200
 SAMPLES = 2000
@@ -73,8 +72,7 @@ def test_white_errors_give_the_textbook_covariance(rise):
     P = len(best.theta)
 
     def outputs(values):
-        discrete = discretised(structure.system(values[:P], values[P:]), 1.0, "first-order")
-        return run_loop(discrete, u, rest(discrete, u[:, 0]))[0]
+        return response_of(rise, u, values=structure.values(values[:P], values[P:]))[0]
 
     h = 1e-5
     J = np.array([(outputs(unknowns + h * e) - outputs(unknowns - h * e)) / (2 * h) for e in np.eye(len(unknowns))]).T

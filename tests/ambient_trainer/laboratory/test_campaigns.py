@@ -14,7 +14,6 @@ STEP = {"duration_min": 5, "chamber_degC": 20}
 NEVER = {"chamber_degC": 20, "settle": {"within_K": 1, "for_min": 50, "at_most_min": 5}}
 WIRES = {"air1": {"channel": 101, "sensor": "Pt100-4w"}, "air2": 111, "air3": 103, "air4": 104}
 PORT = {"kind": "voetsch-vt4004", "port": "/dev/ttyUSB0"}
-FILES = {"air1": "/etc", "air2": "28-1", "air3": "28-2", "air4": "28-3"}
 # what is changed of the laboratory, to what, the place of the one fault where it is another, and what the fault names
 LABORATORY = [
     ("device.zoned", {}, "", "unknown key"),
@@ -43,12 +42,6 @@ LABORATORY = [
     ("instruments.chamber.model", "vt-1", "instruments.chamber", "'vt-1'; vc3-7060"),
     ("safety.set_point_degC", None, "", "missing; there is a chamber"),
     ("instruments.multiplexer.probes", WIRES, "instruments.multiplexer", "111; 101"),
-    (
-        "instruments.multiplexer",
-        {"kind": "host-sensors", "probes": FILES},
-        "instruments.multiplexer.probes.air1",
-        "/sys",
-    ),
 ]
 # the same of the campaign itself
 CAMPAIGN = [
