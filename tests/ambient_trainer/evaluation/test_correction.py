@@ -7,7 +7,7 @@ import pytest
 
 from ambient_model.codec import decode, encode, load_model
 from ambient_model.conformance import conformance_of
-from ambient_model.model import Discrete, Estimator, Input, Model, Secondary
+from ambient_model.model import Discrete, Estimator, Input, Model, ReadingModel, Secondary, SensorLimits
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.evaluation.correction import corrected, correction, known_between
 from ambient_trainer.evaluation.evaluate import evaluate_trace
@@ -86,6 +86,15 @@ def test_only_what_is_known_counts_but_the_estimate_runs_from_the_start():
     whole = evaluate_trace(model, trace).error_degC
     assert abs(whole[2000:2800].mean() - whole.mean()) > 0.5
     assert correction(model, known_late).offsets_degC["main"] == pytest.approx(whole[2000:2800].mean(), abs=1e-9)
+
+
+def test_what_readings_are_expected_to_be_does_not_enter():
+    """It is of all sensors, and a fallback has fewer; published estimates are bounded, the recursion's are not."""
+    limits = SensorLimits(0.0, 5.0, 5.0, 5.0, 600.0, 60.0, 0.5)
+    mean, precision = (25.0, 23.0) * 2, tuple(map(tuple, np.eye(4).tolist()))
+    readings = ReadingModel((60.0,), mean, precision, (limits, limits), 1.0, 60.0, (-50.0, 22.0), 1.0)
+    model = mean_model()
+    assert correction(model._replace(readings=readings), known_trace()) == correction(model, known_trace())
 
 
 def test_correct_writes_a_model_that_is_right_there(trainer, figures, saved, tmp_path):

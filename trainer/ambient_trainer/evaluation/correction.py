@@ -50,7 +50,10 @@ def correction(model: Model, trace: Trace) -> Correction:
         estimators[SECONDARY] = model.secondary.estimator
     errors: dict[str, Array] = {}
     for name, each in estimators.items():
-        alone = model._replace(main=each, fallbacks={}, secondary=None, error_variance=None, provenance={})
+        # what each sensor is expected to read is of all sensors, and starts are the main one's
+        alone = model._replace(
+            main=each, fallbacks={}, secondary=None, error_variance=None, readings=None, provenance={}
+        )
         error = evaluate_trace(alone, trace).error_degC
         errors[name] = error[np.isfinite(error)]
     own = errors[MAIN]
