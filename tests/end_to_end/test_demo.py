@@ -29,3 +29,9 @@ def test_the_whole_path(process, tmp_path, as_documented):
     process("ambient_trainer", "evaluate", out / "model.json", out / "verification.csv", "--json", figures)
     (again,) = json.loads(figures.read_text())["traces"]
     assert round(again["rmse_degC"], 2) == replayed
+    inside98 = again["coverage"]["98"]
+    statuses = [line.rpartition(",")[2] for line in (out / "replay.csv").read_text().splitlines()[1:]]
+    warming_up_min = (len(statuses) - statuses[::-1].index("warming_up")) / 60
+    print(f"warming_up for {warming_up_min:.1f} min; {100 * inside98:.1f} % of all errors inside the 98 % interval")
+    assert warming_up_min <= 20
+    assert inside98 >= 0.97

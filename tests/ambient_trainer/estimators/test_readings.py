@@ -16,6 +16,7 @@ SAMPLES = 4000
 SENSORS = 3
 BLOCKS = 10
 GATE_MARGIN = 1.75
+START_OFFSET_DEGC = 0.2
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +94,7 @@ def test_a_start_is_the_state_that_the_sensors_differences_tell(trace, fitted, z
     x = [rest @ u[0]]
     for row in u[:-1]:
         x.append(discrete.A[0][0] * x[-1] + np.dot(discrete.B[0], row))
-    noise = np.sqrt(len(u)) * np.diag(added_noise(readings, z)[:SENSORS])
+    noise = np.sqrt(len(u)) * np.diag(np.hypot(added_noise(readings, z)[:SENSORS], START_OFFSET_DEGC))
     differences = np.vstack([u, noise]) @ (np.eye(SENSORS) - 1 / SENSORS)
     found, *_ = np.linalg.lstsq(differences, np.concatenate([x - u @ rest, np.zeros(SENSORS)]), rcond=None)
     assert expected == pytest.approx(rest + found, rel=1e-6)

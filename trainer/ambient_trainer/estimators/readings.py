@@ -34,6 +34,8 @@ _MOST_INPUTS = 12
 _SAMPLES_PER_ENTRY = 50
 _LEAST_S = 4 * SLOW_S
 _STARTS = 4000
+_START_OFFSET_DEGC = 0.2
+"""Standard deviation of a sensor's own constant error, which a start takes for no difference: an NTC of 1 %, twice."""
 _WIDER = 1.2
 """Settled is an interval that is at most so much wider than the usual one."""
 
@@ -65,7 +67,8 @@ def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
     reference = np.concatenate([trace.column(REFERENCE) for trace in traces])
     rate = max(np.abs(each[stride:] - each[:-stride]).max() for each in estimates) / (stride * period_s)
     both = [fit, *([fit.secondary.fit] if fit.secondary else [])]
-    starts = [_expected_start(each, runs, period_s, ridge * noise) for each in both]
+    unsure = np.hypot(ridge * noise, _START_OFFSET_DEGC)
+    starts = [_expected_start(each, runs, period_s, unsure) for each in both]
     at_rest = [np.column_stack([np.ones(run.shape[1]), np.tile(run.T, 1 + len(chosen.lags_s))]) for run in runs]
     apart = np.concatenate([_differences(each, count, mean, precision) for each in at_rest])
     sensors = zip(
@@ -191,7 +194,7 @@ def _expected_start(fit: Fit, runs: Sequence[Array], period_s: float, deviations
     """The state X u (n, m) that is expected where the first readings are u.
 
     Where all sensors read the same it is the equilibrium, at any level; from there it goes by their differences, as
-    regressed on them over ``runs`` with noise of these ``deviations`` added.
+    regressed on them over ``runs`` with errors of these ``deviations`` added.
     """
     centring = np.eye(len(deviations)) - 1 / len(deviations)
     differences = centring @ np.concatenate(runs, axis=1)

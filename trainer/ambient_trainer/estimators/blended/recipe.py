@@ -143,9 +143,10 @@ class _FastPoles(Strict):  # a pair of poles: initial 1/omega and damping, and a
 
 
 class FilterRules(Strict):
-    """Penalties on a filter's noise gain and DC gain, and the bounds of its poles."""
+    """Penalties on a filter's noise gain and DC gains, and the bounds of its poles."""
 
     noise: _Positive
+    offset_degC: _NotNegative = 0.0
     one_degree: _Positive
     slow: _SlowPoles
     fast: _FastPoles

@@ -2,10 +2,10 @@
 
 The circuit is fitted to the log and simulates what the log lacks. Each filter minimises, over its poles and weights,
 
-    sum_l k_l mean (target_l - estimate_l)^2 + noise N^2 + one_degree (sum of DC gains - 1)^2,
+    sum_l k_l mean (target_l - estimate_l)^2 + noise N^2 + offset^2 sum g_i^2 + one_degree (sum g_i - 1)^2,
 
-l being the training runs and N the noise gain. Two poles are real and slow, bounded below the age of the log, and a
-damped pair inverts the lags. All searches but the first start where the main filter's ended.
+l being the training runs, N the noise gain and g_i the DC gain of sensor i. Two poles are real and slow, bounded below
+the age of the log, and a damped pair inverts the lags. All searches but the first start where the main filter's ended.
 """
 
 from __future__ import annotations
@@ -218,7 +218,8 @@ def recipe_filter(runs: TrainingSet, counts: Mapping[str, float], rules: FilterR
             weight = math.sqrt(count / len(runs[name]) / len(target[0, ::stride]))
             # the circuit's residuals know nothing of the filter's offset
             weighted.append(Run(replace(run, outputs=target), weight, name != RESIDUAL))
-    found = weighted_filter(_STATES, weighted, math.sqrt(rules.one_degree), math.sqrt(rules.noise))
+    unit_gain, noise = math.sqrt(rules.one_degree), math.sqrt(rules.noise)
+    found = weighted_filter(_STATES, weighted, unit_gain, noise, rules.offset_degC)
     slow, fast = sorted(rules.slow.time_constants_s), rules.fast
     # two rates r and r q: omega^2 = r^2 q, zeta = (1 + q) / (2 sqrt q) = cosh(log q / 2)
     found.search = Unknowns(
