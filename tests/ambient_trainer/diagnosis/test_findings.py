@@ -88,33 +88,25 @@ def test_a_clock_that_is_off_may_be_heat_by_day_where_the_ambient_is_warm_by_day
     assert chosen < 0.61 if by_day else chosen > 0.9
 
 
-@pytest.mark.parametrize(("onset_s", "told"), [(55.0, True), (10.0, False)])
-def test_a_window_is_no_rival_of_the_logged_heater_that_acts_then(onset_s, told):
-    time_s = np.arange(200.0)
-    chosen = tried(heat("heater_on", board=(1, 1)), logged(heater_on=1.0 * ((time_s > 50) & (time_s < 150))))
-    window = replace(heat(None, board=(1, 1)), onset_s=onset_s, end_s=onset_s + 90.0)
-    assert (sure(chosen, replace(chosen, mechanism=window, rmse_degC=0.3)) > 0.9) == told
-
-
-@pytest.mark.parametrize(("onset_s", "told"), [(58.0, True), (90.0, False), (30.0, False)])
-def test_a_window_that_opens_soon_after_the_only_switch_is_no_rival_of_what_was_switched(onset_s, told):
-    """A long step: the window is over when the heater is still on."""
+@pytest.mark.parametrize(
+    ("off_s", "onset_s", "lasts_s", "told"),
+    [(150, 55, 90, True), (150, 10, 90, False), (900, 58, 40, True), (900, 90, 40, False), (900, 30, 40, False)],
+)
+def test_a_window_is_no_rival_of_the_logged_heater_that_acts_or_was_switched_on_then(off_s, onset_s, lasts_s, told):
+    """The window of a long step is over when the heater is still on."""
     time_s = np.arange(400.0)
-    chosen = tried(heat("heater_V", board=(1, 1)), logged(heater_V=5.0 + 5.0 * (time_s > 50)))
-    window = replace(heat(None, board=(1, 1)), onset_s=onset_s, end_s=onset_s + 40.0)
+    chosen = tried(heat("heater_on", board=(1, 1)), logged(heater_on=1.0 * ((time_s > 50) & (time_s < off_s))))
+    window = replace(heat(None, board=(1, 1)), onset_s=onset_s, end_s=onset_s + lasts_s)
     assert (sure(chosen, replace(chosen, mechanism=window, rmse_degC=0.3)) > 0.9) == told
 
 
-def doubted() -> list[Mechanism]:
-    """What something quite different may stand for, in a record whose ambient rests."""
-    body = HiddenMass(
-        ("board",), (Number("G_board_mass", "W/K", 1.0, log=True), Number("lag_board_mass", "s", 9.0, log=True))
-    )
-    return [heat(None, board=(1, 1)), heat("d(heater_frac)/dt", board=(1, 1)), body]
+BODY = Number("G_board_mass", "W/K", 1.0, log=True), Number("lag_board_mass", "s", 9.0, log=True)
+DOUBTED = heat(None, board=(1, 1)), heat("d(heater_frac)/dt", board=(1, 1)), HiddenMass(("board",), BODY)
 
 
-@pytest.mark.parametrize("mechanism", doubted(), ids=str)
+@pytest.mark.parametrize("mechanism", DOUBTED, ids=str)
 def test_what_may_be_something_quite_different_is_half_sure(mechanism):
+    """In a record whose ambient rests."""
     records = logged(ambient_degC=np.full(200, 21.0), heater_frac=np.ones(200))
     assert 0.5 < sure(tried(mechanism, records, 0.2)) < 0.61
 
