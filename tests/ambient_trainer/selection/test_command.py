@@ -84,7 +84,7 @@ def test_ctrl_c_keeps_what_is_done_and_leaves_no_process(trace, tmp_path, until,
         [*COMMAND, trace, *OPTIONS, "--jobs", jobs, "--state", str(state)],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
-    until(lambda: reached(state, 16_000, process), seconds=60)
+    until(lambda: reached(state, 12_000, process), seconds=60)
     os.killpg(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 1

@@ -1,12 +1,17 @@
 """A state file goes with its data and options, survives a kill, and leaves what is not its own alone."""
 
+import os
+import signal
 import sqlite3
+import threading
+import time
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
+from ambient_trainer.estimation.workers import uninterrupted
 from ambient_trainer.selection.resumable import ResumablePool
 from refusals import refused
 
@@ -85,3 +90,11 @@ def test_a_damaged_file_is_read_or_refused(tmp_path_factory, data):
     except Refused:
         return
     assert results[(7,)]["value"] == 7 / 3
+
+
+def test_ctrl_c_while_workers_start_is_not_lost_to_a_thread_that_was_there():
+    begun_s = time.monotonic()
+    threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt), uninterrupted():
+        time.sleep(0.3)
+    assert time.monotonic() - begun_s >= 0.3

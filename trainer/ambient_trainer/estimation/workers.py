@@ -27,14 +27,18 @@ def results(parallel: Parallel, tasks: Iterable[tuple[Callable[..., Any], Any, A
 
 @contextlib.contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Processes that start in the block ignore Ctrl-C; to this one it comes when the block is done."""
+    """Processes that start in the block never see Ctrl-C; to this one it comes when the block is done."""
     if threading.current_thread() is not threading.main_thread():
         yield  # Ctrl-C comes to the main thread alone
         return
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # what is blocked is kept, although it is ignored
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    caught: list[int] = []
+    # what starts in the block inherits what is blocked; a thread that was there before would lose what is ignored
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.signal(signal.SIGINT, lambda number, frame: caught.append(number))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.signal(signal.SIGINT, before)
+        if caught:
+            signal.raise_signal(signal.SIGINT)
