@@ -1,12 +1,13 @@
 """Worker processes leave Ctrl-C to whoever started them, who then ends them.
 
-One that is interrupted while it starts would print a traceback of its own.
+One that is interrupted while it starts would print a traceback of its own: it inherits what is blocked.
 """
 
 import contextlib
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
+from multiprocessing.resource_tracker import ensure_running
 from typing import Any
 
 from joblib import Parallel
@@ -20,9 +21,9 @@ def workers(jobs: int) -> Parallel:
 
 def results(parallel: Parallel, tasks: Iterable[tuple[Callable[..., Any], Any, Any]]) -> Iterator[Any]:
     """What the delayed ``tasks`` return, in their order, each as soon as it and those before are done."""
+    ensure_running()  # its start unblocks Ctrl-C
     with uninterrupted():
-        found: Iterator[Any] = parallel(tasks)
-    return found
+        return iter(parallel(tasks))
 
 
 @contextlib.contextmanager
@@ -32,7 +33,6 @@ def uninterrupted() -> Iterator[None]:
         yield  # Ctrl-C comes to the main thread alone
         return
     caught: list[int] = []
-    # what starts in the block inherits what is blocked; a thread that was there before would lose what is ignored
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     before = signal.signal(signal.SIGINT, lambda number, frame: caught.append(number))
     try:
