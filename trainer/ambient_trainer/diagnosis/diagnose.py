@@ -167,10 +167,11 @@ def _otherwise(confounded: Selection, limits: Limits, progress: Progress | None)
     """The steps to the same model with heat by a log first, where that is missed; else what gains without what a warmer
     ambient does as well, where it is physics."""
     steps = steps_to(confounded.bare, confounded.final, confounded.compared.tried)
-    logged = [each for each in steps if each.chosen is not None and each.chosen.mechanism.driver is not None]
+    held = [(each.chosen.mechanism, each) for each in steps if each.chosen is not None]
     # a delay of its own may follow whatever the ambient did
-    if any(each.gain > _MUCH_BETTER and each.chosen and not each.chosen.mechanism.tuned for each in logged):
-        return replace(confounded, steps=(*logged, *(each for each in steps if each not in logged)))
+    if any(each.driver is not None and not each.tuned and step.gain > _MUCH_BETTER for each, step in held):
+        held.sort(key=lambda each: each[0].driver is None)
+        return replace(confounded, steps=tuple(step for _, step in held))
     found = stepwise(confounded.bare, (), limits, progress, bent_candidates)
     first = found.steps[0]
     if first.chosen is None or first.chosen.mechanism.instrument:
