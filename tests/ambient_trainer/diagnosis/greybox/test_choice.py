@@ -17,7 +17,7 @@ FOLDS = 5
 
 def fitted(held_out_degC, *left_degC):
     """What a fit leaves at each sensor."""
-    left, outputs = np.outer(left_degC, np.ones(4)), [SimpleNamespace(name=each) for each in SENSORS]
+    left, outputs = np.outer(left_degC, np.ones(4)), [SimpleNamespace(name=each, states=None) for each in SENSORS]
     folds = np.full(FOLDS, held_out_degC**2)
     return SimpleNamespace(
         records=(None,),
@@ -44,14 +44,14 @@ def test_one_sensor_is_blamed_where_offsets_of_all_gain_more_but_explain_little_
     assert choose(before, [every, one, heat], 0.0) is one
 
 
-@pytest.mark.parametrize("step_degC", [0.1, 1.0])
-def test_a_step_of_the_resolution_is_no_window_of_heat(step_degC):
+@pytest.mark.parametrize(("step_degC", "place"), [(0.1, "board"), (1.0, "board"), (1.0, "skin")])
+def test_a_step_of_the_resolution_is_no_window_of_heat_there(step_degC, place):
     """A measured battery that reads whole degrees went from 1 to 2: heat for six seconds seemed to do that."""
     read = np.round(np.linspace(1.0, 4.0, 300) / step_degC) * step_degC
     record = SimpleNamespace(sensors=np.array([read, np.linspace(0.0, 9.0, 300)]), weight=np.ones(2))
-    before, window = fitted(1.0, 1.0, 1.0), trial(Heat, ("board",), 0.2, 0.2, 0.2)
+    before, window = fitted(1.0, 1.0, 1.0), trial(Heat, (place,), 0.2, 0.2, 0.2)
     for each in (before, window.fitted):
         each.records = (record,)
     window.mechanism, window.lasting = replace(window.mechanism, onset_s=100.0), False
     window.fitted.combed = window.fitted.held_out
-    assert (choose(before, [window], 0.0) is window) == (step_degC < 1.0)
+    assert (choose(before, [window], 0.0) is window) == (step_degC < 1.0 or place == "skin")

@@ -226,11 +226,13 @@ def gains(before: Fitted, after: Trial, least_degC: float) -> bool:
 
 
 def _steps_by_resolution(trial: Trial) -> bool:
-    """Whether a window may be what is coarse: few levels are all that sensors read."""
+    """Whether a window may be what is coarse: few levels are all that a sensor where it acts reads."""
     if trial.lasting or trial.mechanism.driver is not None:
         return False
     read = np.concatenate([record.sensors for record in trial.fitted.records], axis=1)
-    return min(len(np.unique(row[np.isfinite(row)])) for row in read) < _LEVELS
+    places = set(trial.mechanism.places)
+    there = [bool(places & {output.name, *(output.states or ())}) for output in trial.fitted.model.circuit.outputs]
+    return any(len(np.unique(row[np.isfinite(row)])) < _LEVELS for row in read[there])
 
 
 def left_by_window(before: Fitted, after: Trial) -> float:
