@@ -21,7 +21,6 @@ def workers(jobs: int) -> Parallel:
 
 def results(parallel: Parallel, tasks: Iterable[tuple[Callable[..., Any], Any, Any]]) -> Iterator[Any]:
     """What the delayed ``tasks`` return, in their order, each as soon as it and those before are done."""
-    ensure_running()  # its start unblocks Ctrl-C
     with uninterrupted():
         return iter(parallel(tasks))
 
@@ -33,6 +32,7 @@ def uninterrupted() -> Iterator[None]:
         yield  # Ctrl-C comes to the main thread alone
         return
     caught: list[int] = []
+    ensure_running()  # its start unblocks Ctrl-C
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     before = signal.signal(signal.SIGINT, lambda number, frame: caught.append(number))
     try:

@@ -11,8 +11,6 @@ from __future__ import annotations
 import contextlib
 import itertools
 import pickle
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
@@ -106,7 +104,7 @@ class Dask(Engine):
         with contextlib.ExitStack() as stack:
             if self._engine == LOCAL:
                 stack.enter_context(dask.config.set(_SETTINGS))
-                with uninterrupted(), _ignored():
+                with uninterrupted():
                     self._cluster = distributed.LocalCluster(
                         n_workers=self._wanted, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
                     )
@@ -188,19 +186,6 @@ class Dask(Engine):
             return unpacked(self._submitted(job, [item]).result())[0]
         except KilledWorker:
             return job.lost(item)
-
-
-@contextlib.contextmanager
-def _ignored() -> Iterator[None]:
-    """Processes that start in the block, from whichever thread, ignore Ctrl-C: Dask's would take it as their own."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def engine_of(name: str, workers: int) -> Engine:
