@@ -10,6 +10,7 @@ from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
+from ambient_trainer.diagnosis.greybox.mechanisms.exponent import Exponent
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.scene import Scene
@@ -78,7 +79,7 @@ class ZoneLoss(Coupling):
     """The loss differs between a hot and a cold ambient."""
 
     cause = "convection_law"
-    noun = "a loss that differs between a hot and a cold ambient"
+    noun = Exponent.noun
 
 
 def windowed(scene: Scene) -> Iterator[Mechanism]:
