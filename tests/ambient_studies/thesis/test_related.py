@@ -1,6 +1,7 @@
 """The related methods: what all four do with what is missing, and that each recovers data of its own making."""
 
 from dataclasses import astuple, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,11 +14,10 @@ from scipy.signal import lsim
 
 from ambient_model.faults import Refused
 from ambient_studies.thesis.names import RELATED
-from ambient_studies.thesis.related import chau, he, ishii, li, related_estimators, related_methods
-from ambient_studies.thesis.related._ratios import FirstOrderRatios
+from ambient_studies.thesis.related import chau, he, ishii, li, related, related_methods
+from ambient_studies.thesis.related._samples import estimated
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimators.check import check_estimator
 
 from .conftest import wandering
 
@@ -41,7 +41,7 @@ def traces() -> tuple[Trace, Trace]:
 @pytest.fixture(scope="module")
 def trained(traces: tuple[Trace, Trace]):
     """Each with the columns that it reads."""
-    return list(zip(related_methods(*traces), [each.inputs for each in related_estimators()]))
+    return list(zip(related_methods(*traces), [each.inputs for each in related()]))
 
 
 def test_each_follows_the_ambient_and_is_the_same_each_time(trained, traces) -> None:
@@ -68,12 +68,6 @@ def test_a_missing_value_leaves_that_sample_without_an_estimate(trained) -> None
         assert np.isnan(method.estimate(empty)).all(), method.name
 
 
-def test_each_keeps_the_contract_of_estimators(traces) -> None:
-    for each in related_estimators():
-        fit = check_estimator(each, [traces[0]], calm(wandering(300, seed=7)))
-        assert fit.discrete(1.0) is None
-
-
 def idle_phone(seed: int, slope: float = 0.9, offset: float = -1.5) -> Trace:
     """An hour idle, drifting slowly enough to count as stable; 20 min busy, 20 K warmer; 10 min of cooling, idle."""
     rng = np.random.default_rng(seed)
@@ -91,14 +85,13 @@ def idle_phone(seed: int, slope: float = 0.9, offset: float = -1.5) -> Trace:
 
 def test_chaus_line_is_recovered_from_idle_samples_and_applied_to_all() -> None:
     traces = [idle_phone(1), idle_phone(3)]
-    fit = chau.ESTIMATOR.fit(traces)
-    line = fit.predictor
+    line = chau.train(*traces)
     fitted = np.concatenate([trace.columns["battery_degC"][300:3600] for trace in traces])
     assert line.slope == pytest.approx(0.9, abs=4 * 0.2 / np.sqrt(len(fitted)) / fitted.std())
     assert line.slope * fitted.mean() + line.offset_degC == pytest.approx(0.9 * fitted.mean() - 1.5, abs=0.02)
-    assert chau.train([idle_phone(1, slope=0.5, offset=2.0)]).slope == pytest.approx(0.5, abs=0.05)
+    assert chau.train(idle_phone(1, slope=0.5, offset=2.0)).slope == pytest.approx(0.5, abs=0.05)
     battery = traces[0].columns["battery_degC"]
-    assert np.array_equal(fit.estimate_degC(traces[0]), line.slope * battery + line.offset_degC)
+    assert np.array_equal(chau.METHOD.trained(*traces)(traces[0]), line.slope * battery + line.offset_degC)
 
 
 def quadratic(trace: Trace, noise: float = 0.0) -> Trace:
@@ -110,19 +103,19 @@ def quadratic(trace: Trace, noise: float = 0.0) -> Trace:
 
 def test_hes_regression_recovers_a_quadratic_and_is_the_expansion_over_its_support_vectors() -> None:
     training, unseen = quadratic(wandering(600, seed=1), noise=0.1), quadratic(wandering(3000, seed=2))
-    regression = he.ESTIMATOR.fit([training])
-    found = regression.estimate_degC(unseen)
+    regression = he.train(training)
+    estimate = partial(estimated, columns=he.SENSORS, estimate=regression.ambient_degC)
+    found = estimate(unseen)
     assert np.sqrt(np.mean((found - unseen.reference) ** 2)) < 0.1
-    svr = regression.predictor.pipeline["svr"]
+    svr = regression.pipeline["svr"]
     x = np.column_stack([training.columns["battery_degC"], -training.columns["battery_current_A"]])
     fitted = x[np.linspace(0, 599, 600).round().astype(int)]
     z = (x - fitted.mean(axis=0)) / fitted.std(axis=0)
     expansion = svr.dual_coef_[0] @ (1.0 + svr.support_vectors_ @ z.T) ** 2 + svr.intercept_
-    assert regression.estimate_degC(training) == pytest.approx(expansion, abs=1e-8)
+    assert estimate(training) == pytest.approx(expansion, abs=1e-8)
     # a charging battery discharges nothing
     charged, idle, used = (
-        regression.estimate_degC(with_columns(unseen, battery_current_A=np.full(3000, current)))
-        for current in (3.0, 0.0, -3.0)
+        estimate(with_columns(unseen, battery_current_A=np.full(3000, current))) for current in (3.0, 0.0, -3.0)
     )
     assert np.array_equal(charged, idle)
     assert not np.array_equal(used, idle)
@@ -146,15 +139,14 @@ def through_transfer_functions(trace: Trace, separation: np.ndarray, noise: floa
 def test_ishiis_transfer_functions_are_recovered() -> None:
     trace = wandering(5000, seed=1)
     separation = ishii.separated(trace)
-    fit = ishii.ESTIMATOR.fit([through_transfer_functions(trace, separation, noise=0.1)])
-    found = fit.predictor
+    found = ishii.train(through_transfer_functions(trace, separation, noise=0.1))
     assert np.array_equal(found.separation, separation)
     assert found.time_constant_s == pytest.approx(POLE_S, rel=0.1)
     assert found.gain == pytest.approx(GAIN, abs=0.01)
     assert found.direct * found.time_constant_s / found.gain == pytest.approx(ZERO_S, rel=0.1, abs=2.0)
     assert found.offset_degC == pytest.approx(-0.5, abs=0.1)
     unseen = through_transfer_functions(wandering(3000, seed=2), separation)
-    assert np.sqrt(np.mean((fit.estimate_degC(unseen) - unseen.reference) ** 2)) < 0.03
+    assert np.sqrt(np.mean((estimated(unseen, ishii.SENSORS, found.ambient_degC) - unseen.reference) ** 2)) < 0.03
 
 
 def test_ishiis_sources_are_what_no_stronger_source_explains() -> None:
@@ -169,7 +161,7 @@ def test_ishiis_sources_are_what_no_stronger_source_explains() -> None:
             expected = expected - np.linalg.lstsq(stronger.T, expected, rcond=None)[0] @ stronger
         assert source == pytest.approx(expected, abs=1e-8)
     with pytest.raises(Refused, match="not independent"):
-        ishii.train([with_columns(trace, flash_degC=usb)])
+        ishii.train(with_columns(trace, flash_degC=usb))
 
 
 TRUTH = li.Surface(
@@ -222,21 +214,21 @@ def on_the_circuit(seed: int, samples: int = 8000, period_s: float = 2.0) -> Tra
 
 
 def test_lis_circuit_is_recovered() -> None:
-    fit = li.ESTIMATOR.fit([on_the_circuit(1)])
-    found = fit.predictor
+    found = li.train(on_the_circuit(1))
     # the derivative's lag, at least 5 s, makes the little that is missing
     assert astuple(found)[:4] == pytest.approx(astuple(TRUTH)[:4], rel=0.05, abs=0.003)
     assert found.own_heat_K == pytest.approx(TRUTH.own_heat_K, abs=0.2)
     assert found.storage_s == pytest.approx(TRUTH.storage_s, rel=0.05)
     assert found.convection == pytest.approx(TRUTH.convection, rel=0.1)
     unseen = on_the_circuit(2)
-    assert np.sqrt(np.mean((fit.estimate_degC(unseen) - unseen.reference)[60:] ** 2)) < 0.15
+    error = estimated(unseen, li.SENSORS, found.ambient_degC) - unseen.reference
+    assert np.sqrt(np.mean(error[60:] ** 2)) < 0.15
 
 
 def test_the_slopes_of_ratios_are_derivatives() -> None:
     """That the outputs are what they are called is seen where transfer functions are recovered."""
     inputs = np.vstack([wandering(300, 1).columns[name] for name in ("usb_degC", "battery_degC")])
-    structure = FirstOrderRatios([Segment(2.0, inputs, np.zeros((1, 300)))], (1, -1))
+    structure = ishii.FirstOrderRatios([Segment(2.0, inputs, np.zeros((1, 300)))], (1, -1))
     theta, beta, step = np.log([30.0, 40.0]), np.array([0.7, -0.2, 1.1, -0.4, 5.0]), 1e-5
     for slope, move in zip(structure.slopes(theta, beta, 0), step * np.eye(2)):
         around = (structure.predicted(theta + each, beta, 0) for each in (move, -move))

@@ -1,16 +1,16 @@
-"""Related methods, one module each, found by their place: a module (``ESTIMATOR``) keeps the contract of estimators.
+"""Related methods, one module each, found by their place: each names its ``METHOD``.
 
-What a paper leaves open is filled in; an estimator's ``about`` says what was given and what was filled in.
+What a paper leaves open is filled in; a method's ``about`` says what was given and what was filled in.
 """
 
 from ambient_studies.thesis.methods import Method
-from ambient_studies.thesis.related._estimator import RelatedEstimator
+from ambient_studies.thesis.related._samples import Related
 from ambient_trainer.data import Trace, plugin, plugin_names
 
 
-def related_estimators() -> list[RelatedEstimator]:
+def related() -> list[Related]:
     """Every related method, by the name of its module."""
-    return [plugin(__name__, name).ESTIMATOR for name in plugin_names(__name__)]
+    return [plugin(__name__, name).METHOD for name in plugin_names(__name__)]
 
 
 def related_methods(training: Trace, idle: Trace) -> list[Method]:
@@ -24,7 +24,7 @@ def related_methods(training: Trace, idle: Trace) -> list[Method]:
     Returns
     -------
     list of Method
-        In the order of :func:`related_estimators`.
+        In the order of :func:`related`.
 
     Raises
     ------
@@ -32,8 +32,7 @@ def related_methods(training: Trace, idle: Trace) -> list[Method]:
         Where a trace lacks a column or has too few samples.
     """
     traces = {"5": training, "1": idle}
-    methods = []
-    for each in related_estimators():
-        fit = each.fit([traces[scenario] for scenario in each.trained_on])
-        methods.append(Method(each.name, "corrected", fit.estimate_degC, each.about))
-    return methods
+    return [
+        Method(each.name, "corrected", each.trained(*(traces[name] for name in each.trained_on)), each.about)
+        for each in related()
+    ]

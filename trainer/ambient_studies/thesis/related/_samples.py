@@ -1,8 +1,9 @@
 """The samples that a method uses hold every column it reads; at any other it has no estimate."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import accumulate
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,20 @@ from ambient_model.trace import REFERENCE
 from ambient_model.tracking import bridge_limit_s
 from ambient_trainer.data import Array, Trace, sampling_period_s
 from ambient_trainer.lti import lag_weights
+
+
+class Related(NamedTuple):
+    """A method: of runs of the scenarios ``trained_on``, ``train`` makes what has an ``ambient_degC`` of ``inputs``."""
+
+    name: str
+    about: str
+    inputs: tuple[str, ...]
+    train: Callable[..., Any]
+    trained_on: tuple[str, ...] = ("5",)
+
+    def trained(self, *traces: Trace) -> Callable[[Trace], Array]:
+        """What gives the ambient in degC, shape (n,), of a trace."""
+        return partial(estimated, columns=self.inputs, estimate=self.train(*traces).ambient_degC)
 
 
 class Samples(NamedTuple):

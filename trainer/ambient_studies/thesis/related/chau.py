@@ -12,15 +12,13 @@ Source: N. H. Chau, "Estimation of air temperature using smartphones in differen
 Telecommunication 3(4), 494-507, 2019 (its abstract).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambient_model.faults import refuse
-from ambient_studies.thesis.related._estimator import RelatedEstimator
-from ambient_studies.thesis.related._samples import training_samples
+from ambient_studies.thesis.related._samples import Related, training_samples
 from ambient_trainer.data import Array, Trace
 
 SENSORS = ("battery_degC",)
@@ -38,14 +36,12 @@ class Line:
     slope: float
     offset_degC: float
 
-    identifiable = True  # otherwise the fit is refused
-
     def ambient_degC(self, time_s: Array, rows: Array) -> Array:
         """The estimate, shape (n,), from the battery's temperature (1, n)."""
         return self.slope * rows[0] + self.offset_degC
 
 
-def train(traces: Sequence[Trace]) -> Line:
+def train(*traces: Trace) -> Line:
     """Least-squares line through the idle, stable samples; :class:`Refused` where they are missing or at one value."""
     found = [_idle(trace) for trace in traces]
     battery, ambient = np.concatenate(found, axis=1)
@@ -74,7 +70,7 @@ def stable(time_s: Array, battery_degC: Array, idle: NDArray[np.bool_]) -> NDArr
     return np.asarray((before >= 0) & (moved < _STABLE_K) & (time_s - last_busy_s > _STABLE_FOR_S))
 
 
-ESTIMATOR = RelatedEstimator(
+METHOD = Related(
     "chau_linear_battery",
     "Chau 2019: a line of the battery temperature, out of a pocket. Given: the regression, the idle phone. Filled in: "
     "when a phone counts as idle",

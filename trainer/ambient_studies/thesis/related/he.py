@@ -14,7 +14,6 @@ Source: L. He, Y. Lee, K. G. Shin, "Mobile device batteries as thermometers", Pr
 Ubiquitous Technol. 4(1), article 12, 2020, doi 10.1145/3381015 (its abstract); section 1.1 of the thesis.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +22,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVR
 
-from ambient_studies.thesis.related._estimator import RelatedEstimator
-from ambient_studies.thesis.related._samples import training_samples
+from ambient_studies.thesis.related._samples import Related, training_samples
 from ambient_trainer.data import Array, Trace
 
 SENSORS = ("battery_degC", "battery_current_A")
@@ -41,8 +39,6 @@ class Regression:
 
     pipeline: Pipeline
 
-    identifiable = True  # the minimum of a strictly convex problem
-
     def ambient_degC(self, time_s: Array, rows: Array) -> Array:
         """The estimate, shape (n,), from the columns of ``SENSORS`` (2, n)."""
         return np.asarray(self.pipeline.predict(features(rows)))
@@ -53,9 +49,8 @@ def features(rows: Array) -> Array:
     return np.column_stack([rows[0], np.maximum(-rows[1], 0.0)])
 
 
-def train(traces: Sequence[Trace]) -> Regression:
+def train(training: Trace) -> Regression:
     """The regression of one trace; raises :class:`Refused` where it is too short."""
-    (training,) = traces
     samples = training_samples(training, SENSORS, at_least=2 * _BLOCKS)
     known = np.flatnonzero(~np.isnan(samples.ambient_degC))
     count = min(len(known), _MOST_SAMPLES)
@@ -71,7 +66,7 @@ def train(traces: Sequence[Trace]) -> Regression:
     return Regression(search.best_estimator_)
 
 
-ESTIMATOR = RelatedEstimator(
+METHOD = Related(
     "he_svr",
     "He, Lee, Shin 2020: support vector regression of battery temperature and discharge current. Given: inputs, "
     "quadratic kernel. Filled in: scaling, C and epsilon by blocked cross-validation",

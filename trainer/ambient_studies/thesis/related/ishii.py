@@ -24,6 +24,7 @@ Sources: M. Ishii, Y. Nakashima, H. Nakao, US patent 10409301 and (first-order r
 10520368, both Fujitsu (their abstracts); section 1.1 of the thesis.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -32,11 +33,11 @@ from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
-from ambient_studies.thesis.related._estimator import RelatedEstimator
-from ambient_studies.thesis.related._ratios import FirstOrderRatios
-from ambient_studies.thesis.related._samples import lagged, training_samples
-from ambient_trainer.data import Array, Trace, segments
-from ambient_trainer.estimation import search
+from ambient_studies.thesis.related._samples import Related, lagged, training_samples
+from ambient_trainer.data import Array, Segment, Trace, segments
+from ambient_trainer.estimation import Structure, Unknowns, search
+from ambient_trainer.lti import StateSpace, response_slopes
+from ambient_trainer.lti import lagged as lagged_evenly
 
 SENSORS = ("usb_degC", "soc_degC", "flash_degC", "battery_degC", "display_degC")
 """The reference sensor, then the sources', strongest first."""
@@ -45,6 +46,8 @@ _SIGNS = (1, -1, -1, -1, -1)
 _LEAST_SAMPLES = 100
 _STARTS = 8
 _SEED = 0
+_FASTEST_PERIODS = 2.0
+_TIMES_SHOWN = 10.0
 
 
 @dataclass(frozen=True)
@@ -60,11 +63,6 @@ class TransferFunctions:
     time_constant_s: Array
     offset_degC: float
 
-    @property
-    def identifiable(self) -> bool:
-        """Whether every response has a share: without one its time constant is open."""
-        return bool(((self.gain != 0) | (self.direct != 0)).all())
-
     def ambient_degC(self, time_s: Array, rows: Array) -> Array:
         """The estimate, shape (n,), from the sensors (5, n)."""
         sources = self.separation @ rows
@@ -73,9 +71,8 @@ class TransferFunctions:
         return ambient
 
 
-def train(traces: Sequence[Trace]) -> TransferFunctions:
+def train(training: Trace) -> TransferFunctions:
     """Both models of one trace; raises :class:`Refused` where the sources cannot be separated."""
-    (training,) = traces
     separation = separated(training)
     found = segments(training, SENSORS, (REFERENCE,))
     structure = FirstOrderRatios([replace(each, inputs=separation @ each.inputs) for each in found], _SIGNS)
@@ -103,7 +100,53 @@ def separated(training: Trace) -> Array:
     return np.vstack([rises[:1], np.linalg.solve(H, rises[1:])])
 
 
-ESTIMATOR = RelatedEstimator(
+class FirstOrderRatios(Structure):
+    """The second model over segments of one period: time constants are searched, gains solved for.
+
+        y = offset + sum_i d_i (u_i - L_i u_i) + K_i L_i u_i,    L_i = 1/(1 + tau2_i s),    d_i = K_i tau1_i / tau2_i
+
+    theta is the logarithm of each tau2 in s, beta is d, K, offset; ``signs`` holds +1 or -1 an input, the sign of its K
+    and d, which have one sign where every time constant is positive.
+    """
+
+    def __init__(self, segments: Sequence[Segment], signs: Sequence[int]) -> None:
+        self.segments = segments
+        self.inputs = m = segments[0].inputs.shape[0]
+        period_s = segments[0].period_s
+        longest_s = max(segment.inputs.shape[1] for segment in segments) * period_s
+        fastest = math.log(_FASTEST_PERIODS * period_s)
+        slowest = max(math.log(longest_s / _TIMES_SHOWN), fastest + 1.0)
+        low, high = np.full(m, fastest), np.full(m, slowest)
+        self.search = Unknowns(tuple(f"tau{i + 1}" for i in range(m)), (low + high) / 2, low, high)
+        names = [f"{gain}{i + 1}" for gain in "dK" for i in range(m)]
+        low = np.array([0.0 if sign > 0 else -np.inf for sign in (*signs, *signs)] + [-np.inf])
+        high = np.array([np.inf if sign > 0 else 0.0 for sign in (*signs, *signs)] + [np.inf])
+        self.linear = Unknowns((*names, "offset"), np.zeros(2 * m + 1), low, high)
+
+    def regressors(self, theta: Array, index: int) -> tuple[Array, Array]:
+        """u - L u and L u of each input, and one."""
+        u, period_s = self.segments[index].inputs, self.segments[index].period_s
+        slow = np.array([lagged_evenly(row, tau_s, period_s) for row, tau_s in zip(u, np.exp(theta).tolist())])
+        one = np.ones((1, u.shape[1]))
+        return 0 * one, np.concatenate([u - slow, slow, one])[:, None]
+
+    def slopes(self, theta: Array, beta: Array, index: int) -> Array:
+        """K - d times the derivative of L in log tau2: 1/tau2 there moves by -1/tau2."""
+        segment, m = self.segments[index], self.inputs
+        found = []
+        for row, rate, gain in zip(segment.inputs, np.exp(-theta), beta[m : 2 * m] - beta[:m]):
+            zero, one = np.zeros((1, 1)), np.ones((1, 1))
+            lag = StateSpace(-rate * one, rate * one, gain * one, zero, zero[0])
+            by = StateSpace(rate * one[None], -rate * one[None], zero[None], zero[None], zero)
+            found.append(response_slopes(lag, by, "first-order", row[None], segment.period_s)[0])
+        return np.array(found)
+
+    def random_start(self, random: np.random.Generator) -> Array:
+        """Time constants drawn log-uniformly between the bounds."""
+        return random.uniform(self.search.low, self.search.high)
+
+
+METHOD = Related(
     "ishii_transfer_functions",
     "Ishii, Nakashima 2017: heat sources by a steady linear model, the ambient through first-order responses. Given: "
     "the two models. Filled in: which sensors, and least squares with positive resistances and time constants",

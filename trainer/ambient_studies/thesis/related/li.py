@@ -24,14 +24,12 @@ parameters are those of least squares on the training trace, none negative.
 Source: section 1.1 and chapter 5 of the thesis; the paper itself was not at hand.
 """
 
-from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from ambient_studies.thesis.related._estimator import RelatedEstimator
-from ambient_studies.thesis.related._samples import Samples, lagged, training_samples
+from ambient_studies.thesis.related._samples import Related, Samples, lagged, training_samples
 from ambient_trainer.data import Array, Trace
 
 SENSORS = ("usb_degC", "display_degC", "battery_degC", "flash_degC", "soc_degC")
@@ -60,12 +58,6 @@ class Surface:
     """kappa in K^-0.25."""
     lag_s: float
     """tau of the derivative."""
-
-    @property
-    def identifiable(self) -> bool:
-        """Whether no parameter lies at its bound."""
-        values, low, high = (np.array(astuple(each)) for each in (self, _LOW, _HIGH))
-        return bool(((low < values) & (values < high)).all())
 
     def ambient_degC(self, time_s: Array, rows: Array) -> Array:
         """The estimate, shape (n,), from the sensors (5, n)."""
@@ -103,9 +95,8 @@ _LOW = Surface(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 5.0)
 _HIGH = Surface(1.0, 10.0, 10.0, 10.0, 10.0, 5000.0, 5.0, 600.0)
 
 
-def train(traces: Sequence[Trace]) -> Surface:
+def train(training: Trace) -> Surface:
     """The circuit of one trace; raises :class:`Refused` where it is too short."""
-    (training,) = traces
     samples = training_samples(training, SENSORS, _LEAST_SAMPLES)
     known = np.flatnonzero(~np.isnan(samples.ambient_degC))
     compared = known[:: -(-len(known) // _MOST_SAMPLES)]
@@ -125,7 +116,7 @@ def _errors(parameters: Array, samples: Samples, compared: Array) -> Array:
     return samples.ambient_degC[compared] - fixed_point(surface[compared], heat[compared], circuit.convection)
 
 
-ESTIMATOR = RelatedEstimator(
+METHOD = Related(
     "li_fixed_point",
     "Li et al. 2020: a thermal circuit solved for the ambient by fixed-point iteration. Given: that. Filled in: the "
     "circuit (a surface between USB port and display, natural convection) and its fit",
