@@ -8,17 +8,21 @@ import pytest
 
 from ambient_model.faults import Refused
 from ambient_model.model import Model
-from ambient_studies.unit_variation.study import CALIBRATION, LIE_DEGC, Asked, Plan, learnt, study, traces
+from ambient_studies.unit_variation.study import CALIBRATION, LIE_DEGC, Plan, learnt, study, unit_run
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.simulator import simulate
 from ambient_trainer.simulator.device import load_device
-from ambient_trainer.simulator.fleet import drawn, nominal
+from ambient_trainer.simulator.fleet import drawn, nominal, traces_of
 
 PERIOD_S = 5.0
 ZONES = load_device().main_zones
+
+
+def traces(*asked):
+    return traces_of([unit_run(*each, PERIOD_S) for each in asked], PERIOD_S)
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +31,7 @@ def unit():
 
 
 def test_the_nominal_unit_logs_what_the_simulated_phone_does(unit):
-    found = traces([Asked(unit, False, "2.5", 3), Asked(unit, True, "2.5", 3)], PERIOD_S)[0]
+    found = traces((unit, False, "2.5", 3), (unit, True, "2.5", 3))[0]
     expected = simulate("2.5", seed=3, period_s=PERIOD_S).trace
     assert found.columns.keys() == expected.columns.keys()
     for name, values in expected.columns.items():
@@ -40,7 +44,7 @@ def test_a_gain_acts_about_25_degC_and_an_offset_everywhere(unit):
     still = ZONES[usb].model_copy(update={"step_degC": 1e-6, "noise_degC": 0.0})
     off = replace(unit, zones=(*ZONES[:usb], moved, *ZONES[usb + 1 :]), gains={"usb": 0.02})
     on = replace(unit, zones=(*ZONES[:usb], still, *ZONES[usb + 1 :]))
-    skewed, straight = traces([Asked(off, False, "3", 3), Asked(on, False, "3", 3)], PERIOD_S)
+    skewed, straight = traces((off, False, "3", 3), (on, False, "3", 3))
     plain = straight.columns["usb_degC"]
     np.testing.assert_allclose(skewed.columns["usb_degC"], plain + 0.4 + 0.02 * (plain - 25.0), atol=2e-6)
     for name in ("soc_degC", "display_degC", "ambient_degC"):
@@ -48,8 +52,8 @@ def test_a_gain_acts_about_25_degC_and_an_offset_everywhere(unit):
 
 
 def test_a_case_keeps_a_phone_warmer_at_rest_and_slower_under_load(unit):
-    asked = [Asked(unit, cased, name, 3) for name in ("1", "2.1") for cased in (False, True)]
-    rise = [trace.columns["battery_degC"] - trace.reference for trace in traces(asked, PERIOD_S)]
+    asked = [(unit, cased, name, 3) for name in ("1", "2.1") for cased in (False, True)]
+    rise = [trace.columns["battery_degC"] - trace.reference for trace in traces(*asked)]
     assert rise[1].mean() > rise[0].mean() + 0.03
     third = slice(len(rise[2]) // 2, 3 * len(rise[2]) // 4)
     assert rise[3][third].mean() < rise[2][third].mean() - 0.2
@@ -69,9 +73,7 @@ def done(free_model):
 
 def test_a_unit_is_scored_as_by_hand(done, free_model):
     unit = drawn(5, 2, load_device().main_zones)
-    calibration, bare, cased = traces(
-        [Asked(unit, False, CALIBRATION, 2005), Asked(unit, False, "1", 2), Asked(unit, True, "1", 2)], 5.0
-    )
+    calibration, bare, cased = traces((unit, False, CALIBRATION, 2005), (unit, False, "1", 2), (unit, True, "1", 2))
     scored = done.units[4]
     assert scored.number == 5
     known = evaluate_trace(free_model, calibration).error_degC[30 * 60 // 5 :]

@@ -8,7 +8,6 @@ readings.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from joblib import delayed
@@ -38,35 +37,16 @@ CALIBRATION = "calibration"
 CALIBRATION_DEGC = 25.0
 KNOWN_MIN, ON_BEFORE_MIN = 10.0, 30.0
 """How long the ambient is known, and how long the phone has been on by then."""
-_SETTLED_MIN = 15.0
+_SETTLED, _REST = (
+    Step(duration_min=minutes, chamber_degC=CALIBRATION_DEGC) for minutes in (15.0, ON_BEFORE_MIN + KNOWN_MIN)
+)
+_RESTING = Scenario(about=f"At rest at {CALIBRATION_DEGC:g} degC", before=(_SETTLED,), steps=(_REST,))
 
 
-class Asked(NamedTuple):
-    """A unit, whether in its case, what it is put through, and the seed of weather and noise."""
-
-    unit: Unit
-    cased: bool
-    scenario: str
-    """Of the shipped ones, or ``CALIBRATION``."""
-    seed: int
-
-
-def traces(runs: Sequence[Asked], period_s: float) -> list[Trace]:
-    """What each run logs, in the time of the longest."""
-    prepared = [prepare(scenario_of(each.scenario), each.seed, period_s, each.unit.phone) for each in runs]
-    return traces_of([UnitRun(*each, run) for each, run in zip(runs, prepared)], period_s)
-
-
-def scenario_of(name: str) -> Scenario:
-    """The shipped scenario of that name, or the rest during which a unit is calibrated."""
-    if name != CALIBRATION:
-        return load_scenario(name)
-
-    def resting(minutes: float) -> Step:
-        return Step(duration_min=minutes, chamber_degC=CALIBRATION_DEGC)
-
-    about = f"At rest at {CALIBRATION_DEGC:g} degC"
-    return Scenario(about=about, before=(resting(_SETTLED_MIN),), steps=(resting(ON_BEFORE_MIN + KNOWN_MIN),))
+def unit_run(unit: Unit, cased: bool, scenario: str, seed: int, period_s: float) -> UnitRun:
+    """A unit in a shipped scenario, or at the rest during which it is calibrated; ``seed`` is of weather and noise."""
+    asked = _RESTING if scenario == CALIBRATION else load_scenario(scenario)
+    return UnitRun(unit, cased, scenario, seed, prepare(asked, seed, period_s, unit.phone))
 
 
 DAYS = 7
@@ -203,7 +183,7 @@ def study(model: Model, plan: Plan, jobs: int, progress: Progress) -> Study:
 def _scored(model: Model, units: Sequence[Unit], plan: Plan) -> list[ScoredUnit]:
     with threadpool_limits(1):
         runs = [run for unit in units for run in _runs(unit, plan)]
-        logged = traces(runs, plan.period_s)
+        logged = traces_of(runs, plan.period_s)
         each = len(runs) // len(units)
         return [
             _one(model, unit.number, plan.seed, runs[first : first + each], logged[first : first + each])
@@ -211,16 +191,14 @@ def _scored(model: Model, units: Sequence[Unit], plan: Plan) -> list[ScoredUnit]
         ]
 
 
-def _runs(unit: Unit, plan: Plan) -> list[Asked]:
-    calibration = Asked(unit, False, CALIBRATION, _CALIBRATIONS_APART * plan.seed + unit.number)
-    return [
-        calibration,
-        *(calibration._replace(seed=calibration.seed + _DAYS_APART * day) for day in range(1, DAYS + 1)),
-        *(Asked(unit, cased, name, plan.seed) for name in plan.scenarios for cased in (False, True)),
-    ]
+def _runs(unit: Unit, plan: Plan) -> list[UnitRun]:
+    seed = _CALIBRATIONS_APART * plan.seed + unit.number
+    asked = [(False, CALIBRATION, seed + _DAYS_APART * day) for day in range(DAYS + 1)]
+    asked += [(cased, name, plan.seed) for name in plan.scenarios for cased in (False, True)]
+    return [unit_run(unit, *each, plan.period_s) for each in asked]
 
 
-def _one(model: Model, number: int, seed: int, runs: Sequence[Asked], logged: Sequence[Trace]) -> ScoredUnit:
+def _one(model: Model, number: int, seed: int, runs: Sequence[UnitRun], logged: Sequence[Trace]) -> ScoredUnit:
     found = correction.correction(model, correction.known_between(logged[0], 60 * ON_BEFORE_MIN, None))
     improved = correction.corrected(model, found, {"trace": CALIBRATION})
     days = [evaluate_trace(model, trace) for trace in logged[1 : DAYS + 1]]
@@ -231,7 +209,7 @@ def _one(model: Model, number: int, seed: int, runs: Sequence[Asked], logged: Se
     return ScoredUnit(number, found.offsets_degC[correction.MAIN], tuple(scores), learnt_degC, lied_degC)
 
 
-def _score(run: Asked, model: Model, improved: Model, trace: Trace, learnt_degC: float) -> Score:
+def _score(run: UnitRun, model: Model, improved: Model, trace: Trace, learnt_degC: float) -> Score:
     before, after = evaluate_trace(model, trace), evaluate_trace(improved, trace)
     bias_degC = before.metrics.mbe_degC
     return Score(
