@@ -17,8 +17,8 @@ from ambient_studies.discovery.figures import (
     detection_by_size,
     false_alarms,
     large_effects,
-    pairs_found,
     reliability,
+    two_at_once,
 )
 from ambient_studies.discovery.report import as_json
 from ambient_studies.discovery.score import place_in, score
@@ -156,9 +156,9 @@ def test_the_confusion_counts_first_causes_of_single_cases():
             outcome((), (UNKNOWN,)), outcome((), (NONE,)), outcome((NONE,), ()), outcome((DIE, CASE), (CASE,)),
         ]
     )  # fmt: skip
-    assert matrix.true == ("none", "heat_source")
-    assert matrix.found == ("none", "contact", "heat_source", "unknown")
-    assert matrix.counts.tolist() == [[2, 0, 0, 1], [1, 1, 1, 0]]
+    assert [*matrix.index] == ["none", "heat_source"]
+    assert [*matrix] == ["none", "contact", "heat_source", "unknown"]
+    assert matrix.to_numpy().tolist() == [[2, 0, 0, 1], [1, 1, 1, 0]]
 
 
 def test_detection_goes_by_size():
@@ -177,13 +177,13 @@ def test_unknown_is_a_false_alarm_and_none_is_not():
 
 
 def test_of_two_effects_each_is_counted_in_any_order():
-    pairs = pairs_found(
+    pairs = two_at_once(
         [
             outcome((DIE, CASE), (CASE, Cause("heat_source", "soc"))), outcome((DIE, CASE), (DIE, HAND)),
             outcome((DIE, CASE), ()), outcome((DIE, CASE), (HAND,)), outcome((DIE,), (DIE, CASE)),
         ]
     )  # fmt: skip
-    assert (pairs.both, pairs.one, pairs.nothing) == (Share(1, 4), Share(2, 4), Share(1, 4))
+    assert pairs == {"both": Share(1, 4), "at_least_one": Share(2, 4), "nothing": Share(1, 4)}
 
 
 def test_confidence_is_held_against_the_share_that_is_right():

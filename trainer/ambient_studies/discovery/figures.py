@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 from scipy.stats import binomtest
 
 from ambient_trainer.diagnosis import NONE, UNKNOWN, Cause
@@ -78,15 +78,6 @@ class Share:
 
 
 @dataclass(frozen=True)
-class Confusion:
-    """``counts`` (true, found) of the cases with at most one effect, by cause: the first one that was named."""
-
-    true: tuple[str, ...]
-    found: tuple[str, ...]
-    counts: NDArray[np.int64]
-
-
-@dataclass(frozen=True)
 class Range:
     """What has ``low`` <= size in noise, or confidence, < ``high``: its middle, and the share of it that was right."""
 
@@ -94,15 +85,6 @@ class Range:
     high: float
     middle: float
     share: Share
-
-
-@dataclass(frozen=True)
-class Pairs:
-    """Cases of two effects at once: both named with their location, at least one, and nothing at all."""
-
-    both: Share
-    one: Share
-    nothing: Share
 
 
 def share_of(flags: Iterable[bool]) -> Share:
@@ -121,13 +103,14 @@ def correct_of(outcomes: Sequence[Outcome]) -> Share:
     return share_of(each.correct for each in outcomes)
 
 
-def confusion(outcomes: Sequence[Outcome]) -> Confusion:
-    """Named against hidden causes: ``none`` first and ``unknown`` last, the others by name."""
+def confusion(outcomes: Sequence[Outcome]) -> pd.DataFrame:
+    """Counts of the cases with at most one effect, by its cause in rows and the first one that was named in columns.
+
+    ``none`` is first and ``unknown`` last, the others go by name.
+    """
     pairs = Counter((_first(each.true), _first(each.found)) for each in outcomes if len(each.true) <= 1)
-    true = _ordered(one for one, _ in pairs)
-    found = _ordered(name for pair in pairs for name in pair)
-    counts = np.array([[pairs[one, other] for other in found] for one in true], dtype=np.int64)
-    return Confusion(true, found, counts.reshape(len(true), len(found)))
+    true, found = _ordered(one for one, _ in pairs), _ordered(name for pair in pairs for name in pair)
+    return pd.DataFrame([[pairs[one, other] for other in found] for one in true], true, found)
 
 
 def detection_by_size(outcomes: Sequence[Outcome], edges: Sequence[float] = SIZE_EDGES) -> tuple[Range, ...]:
@@ -168,18 +151,26 @@ def false_alarms(outcomes: Sequence[Outcome]) -> Share:
     return share_of(bool(_named(each.found)) for each in outcomes if not _named(each.true))
 
 
-def pairs_found(outcomes: Sequence[Outcome]) -> Pairs:
-    """The cases of two effects at once; only cause and place have to agree."""
-    both = [each for each in outcomes if len(each.true) == 2]
-    named = [
-        len({(one.name, one.location) for one in each.true} & {(one.name, one.location) for one in each.found})
-        for each in both
-    ]
-    return Pairs(
-        share_of(count == 2 for count in named),
-        share_of(count >= 1 for count in named),
-        share_of(not _named(each.found) for each in both),
-    )
+def two_at_once(outcomes: Sequence[Outcome]) -> dict[str, Share]:
+    """Of the cases of two effects at once: both named, at least one, and nothing at all; only cause and place count."""
+    cases = [each for each in outcomes if len(each.true) == 2]
+    places = [[{(one.name, one.location) for one in side} for side in (each.true, each.found)] for each in cases]
+    named = [len(true & found) for true, found in places]
+    return {
+        "both": share_of(count == 2 for count in named),
+        "at_least_one": share_of(count >= 1 for count in named),
+        "nothing": share_of(not _named(each.found) for each in cases),
+    }
+
+
+def shares_of(outcomes: Sequence[Outcome]) -> dict[str, Share]:
+    """The shares of the benchmark by name."""
+    return {
+        "large_effects": large_effects(outcomes),
+        "false_alarms": false_alarms(outcomes),
+        **two_at_once(outcomes),
+        "confident_verdicts": confident_verdicts(outcomes),
+    }
 
 
 def by_cause(outcomes: Sequence[Outcome], least_in_noise: float = 0.0) -> dict[str, list[Outcome]]:

@@ -17,15 +17,12 @@ from ambient_studies.discovery.figures import (
     Range,
     Share,
     by_cause,
-    confident_verdicts,
     confusion,
     correct_of,
     detection_by_size,
-    false_alarms,
-    large_effects,
     median_of,
-    pairs_found,
     reliability,
+    shares_of,
 )
 from ambient_studies.discovery.runner import Done
 from ambient_trainer.diagnosis import digits, duration
@@ -34,10 +31,25 @@ from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Tabl
 if TYPE_CHECKING:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
 
-BARS = {"large": 0.92, "none": 0.95, "two": 0.80, "confident": CONFIDENT}
-"""What the benchmark asks for: large effects named, nothing found where nothing is, both of two named, and
-confident verdicts right."""
-
+_SENTENCES = {
+    "large_effects": f"Of effects of at least {LARGE_IN_NOISE:g} times the noise, cause, place and signal are right in",
+    "false_alarms": "Where nothing is hidden, something is found in",
+    "both": "Of two effects at once, both are named in",
+}
+_ROWS = {
+    "large_effects": f"one effect of at least {LARGE_IN_NOISE:g} times the noise: cause, place and signal right",
+    "false_alarms": "nothing hidden: something found (false alarm)",
+    "both": "two effects at once: both named",
+    "at_least_one": "two effects at once: at least one named",
+    "nothing": "two effects at once: nothing found",
+}
+_ASKED = {
+    "large_effects": (f"large effects named ({LARGE_IN_NOISE:g} times the noise)", 0.92),
+    "false_alarms": ("nothing found where nothing is", 0.95),
+    "both": ("both of two effects named", 0.80),
+    "confident_verdicts": (f"verdicts of confidence {CONFIDENT:g} or more right", CONFIDENT),
+}
+"""What the benchmark asks for, by the name of its share; of false alarms, that there are none."""
 _CAUSES = (
     f"Large: at least {LARGE_IN_NOISE:g} times the residual's standard deviation. Right: cause, place and signal; in "
     "brackets the 95 % interval. Errors: the median, of the right ones. Gain: in how many of them its interval on "
@@ -59,19 +71,14 @@ _DETECTION = (
 
 def report_of(outcomes: Sequence[Outcome], data: Mapping[str, Any]) -> Report:
     """What the benchmark shows; ``data`` is what ``--json`` writes."""
-    large, alarms, both = large_effects(outcomes), false_alarms(outcomes), pairs_found(outcomes).both
-    sentences = {
-        f"Of effects of at least {LARGE_IN_NOISE:g} times the noise, cause, place and signal are right in": large,
-        "Where nothing is hidden, something is found in": alarms,
-        "Of two effects at once, both are named in": both,
-    }
+    shares = shares_of(outcomes)
     mix = [sum(len(each.true) == effects for each in outcomes) for effects in range(3)]
     seconds = [each.seconds for each in outcomes]
     return Report(
         subject="Discovery benchmark, simulated",
-        title=f"{len(outcomes):,} simulated cases: large effects right in {large}",
+        title=f"{len(outcomes):,} simulated cases: large effects right in {shares['large_effects']}",
         lead=[
-            *(Finding(f"{text} {share}.", "result") for text, share in sentences.items() if share.cases),
+            *(Finding(f"{text} {shares[key]}.", "result") for key, text in _SENTENCES.items() if shares[key].cases),
             Facts(
                 [
                     ("cases", f"{mix[0]} with nothing hidden, {mix[1]} with one effect, {mix[2]} with two"),
@@ -81,7 +88,7 @@ def report_of(outcomes: Sequence[Outcome], data: Mapping[str, Any]) -> Report:
             ),
         ],
         sections=[
-            Section("Against what is asked", [*_asked(outcomes), totals_table(outcomes)]),
+            Section("Against what is asked", [*_asked(shares), totals_table(shares)]),
             Section(
                 "What is taken for what",
                 [
@@ -111,16 +118,11 @@ def report_of(outcomes: Sequence[Outcome], data: Mapping[str, Any]) -> Report:
 
 def as_json(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     """The figures for a machine; a share without cases is null."""
-    matrix, pairs = confusion(outcomes), pairs_found(outcomes)
+    matrix, shares = confusion(outcomes), {name: _share_data(each) for name, each in shares_of(outcomes).items()}
     return {
         "cases": len(outcomes),
-        "large_effects": _share_data(large_effects(outcomes)),
-        "false_alarms": _share_data(false_alarms(outcomes)),
-        "two_at_once": {
-            "both": _share_data(pairs.both),
-            "at_least_one": _share_data(pairs.one),
-            "nothing": _share_data(pairs.nothing),
-        },
+        **{name: shares[name] for name in ("large_effects", "false_alarms", "confident_verdicts")},
+        "two_at_once": {name: shares[name] for name in ("both", "at_least_one", "nothing")},
         "by_size": [
             {
                 "from": each.low,
@@ -130,7 +132,6 @@ def as_json(outcomes: Sequence[Outcome]) -> dict[str, Any]:
             }
             for each in detection_by_size(outcomes)
         ],
-        "confident_verdicts": _share_data(confident_verdicts(outcomes)),
         "reliability": [
             {"from": each.low, "to": each.high, "mean_confidence": each.middle, **_share_data(each.share)}
             for each in reliability(outcomes)
@@ -138,7 +139,7 @@ def as_json(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "by_cause": {
             name: _share_data(correct_of(cases)) for name, cases in by_cause(outcomes, LARGE_IN_NOISE).items()
         },
-        "confusion": {"true": list(matrix.true), "found": list(matrix.found), "counts": matrix.counts.tolist()},
+        "confusion": {"true": list(matrix.index), "found": list(matrix), "counts": matrix.to_numpy().tolist()},
     }
 
 
@@ -157,18 +158,9 @@ def case_json(done: Done) -> dict[str, Any]:
     }
 
 
-def totals_table(outcomes: Sequence[Outcome]) -> Table:
+def totals_table(shares: Mapping[str, Share]) -> Table:
     """The figures over all causes, one a row."""
-    pairs = pairs_found(outcomes)
-    large = f"one effect of at least {LARGE_IN_NOISE:g} times the noise: cause, place and signal right"
-    rows = {
-        large: large_effects(outcomes),
-        "nothing hidden: something found (false alarm)": false_alarms(outcomes),
-        "two effects at once: both named": pairs.both,
-        "two effects at once: at least one named": pairs.one,
-        "two effects at once: nothing found": pairs.nothing,
-    }
-    return Table("", ("hidden and found", "share (95 %)"), [(what, str(share)) for what, share in rows.items()])
+    return Table("", ("hidden and found", "share (95 %)"), [(what, str(shares[key])) for key, what in _ROWS.items()])
 
 
 def causes_table(outcomes: Sequence[Outcome]) -> Table:
@@ -187,13 +179,11 @@ def reliability_table(outcomes: Sequence[Outcome]) -> Table:
 
 def confusion_table(outcomes: Sequence[Outcome]) -> Table:
     """What each cause was taken for, one row each: a column for each would not fit a terminal."""
-    matrix = confusion(outcomes)
     rows = []
-    for name, row in zip(matrix.true, matrix.counts.tolist()):
-        counts = dict(zip(matrix.found, row))
+    for name, counts in confusion(outcomes).iterrows():
         wrong = sorted(((count, other) for other, count in counts.items() if other != name and count), reverse=True)
         taken = ", ".join(f"{other} {count}" for count, other in wrong) or "-"
-        rows.append((name, taken, str(sum(row)), str(counts[name])))
+        rows.append((str(name), taken, str(counts.sum()), str(counts[name])))
     return Table("By the first cause named; its place not counted.", ("hidden", "taken for", "cases", "right"), rows, 2)
 
 
@@ -208,19 +198,13 @@ def _cause_cells(large: Sequence[Outcome]) -> Iterator[str]:
     yield f"{sum(low > 0 for low, _ in gains)} of {len(gains)}" if gains else "-"
 
 
-def _asked(outcomes: Sequence[Outcome]) -> Iterator[Finding]:
+def _asked(shares: Mapping[str, Share]) -> Iterator[Finding]:
     """A tile for each bar that has cases: what is reached, and whether that is enough."""
-    reached = {
-        "large": (f"large effects named ({LARGE_IN_NOISE:g} times the noise)", large_effects(outcomes).value),
-        "none": ("nothing found where nothing is", 1 - false_alarms(outcomes).value),
-        "two": ("both of two effects named", pairs_found(outcomes).both.value),
-        "confident": (f"verdicts of confidence {CONFIDENT:g} or more right", confident_verdicts(outcomes).value),
-    }
-    for key, (what, share) in reached.items():
-        if math.isfinite(share):
-            enough = share >= BARS[key]
-            text = f"{what}; asked: at least {100 * BARS[key]:.0f} %{'' if enough else ', not reached'}"
-            yield Finding(text, "good" if enough else "bad", value=f"{100 * share:.1f} %")
+    for key, (what, asked) in _ASKED.items():
+        reached = 1 - shares[key].value if key == "false_alarms" else shares[key].value
+        if math.isfinite(reached):
+            text = f"{what}; asked: at least {100 * asked:.0f} %{'' if reached >= asked else ', not reached'}"
+            yield Finding(text, "good" if reached >= asked else "bad", value=f"{100 * reached:.1f} %")
 
 
 def _share_data(share: Share) -> dict[str, Any]:
@@ -231,17 +215,16 @@ def _share_data(share: Share) -> dict[str, Any]:
 
 def _confusion_figure(outcomes: Sequence[Outcome]) -> go.Figure:
     matrix = confusion(outcomes)
-    shares = matrix.counts / np.maximum(matrix.counts.sum(axis=1, keepdims=True), 1)
-    right = np.array(matrix.true)[:, None] == np.array(matrix.found)
-    texts = [[str(count) if count else "" for count in row] for row in matrix.counts.tolist()]
-    figure = plots.matrix_figure(
-        matrix.found, matrix.true, np.where(right, shares, -shares).tolist(), texts, cell_px=34
-    )
+    true, found, counts = matrix.index.tolist(), matrix.columns.tolist(), matrix.to_numpy()
+    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    right = np.array(true)[:, None] == np.array(found)
+    texts = [[str(count) if count else "" for count in row] for row in counts.tolist()]
+    figure = plots.matrix_figure(found, true, np.where(right, shares, -shares).tolist(), texts, cell_px=34)
     figure.update_layout(height=figure.layout.height + 130)
-    for update, names in ((figure.update_xaxes, matrix.found), (figure.update_yaxes, matrix.true)):
+    for update, names in ((figure.update_xaxes, found), (figure.update_yaxes, true)):
         # names in two lines, small: a phone's screen has room for the cells besides
         lines = [name.replace("_", "<br>") for name in names]
-        update(tickvals=list(names), ticktext=lines, tickfont={"size": 11}, automargin=True)
+        update(tickvals=names, ticktext=lines, tickfont={"size": 11}, automargin=True)
     figure.update_xaxes(side="top", tickangle=-90)
     return figure
 
@@ -270,7 +253,7 @@ def _detection_figure(outcomes: Sequence[Outcome]) -> go.Figure:
     found = detection_by_size(outcomes)
     sizes = [each.middle for each in found]
     figure = _shares_figure("size, in units of the noise", sizes, found)
-    asked = 100 * BARS["large"]
+    asked = 100 * _ASKED["large_effects"][1]
     end = max(*sizes, 2 * LARGE_IN_NOISE)
     name = f"asked: {asked:.0f} % from {LARGE_IN_NOISE:g} on"
     plots.add_curve(figure, [LARGE_IN_NOISE, end], [asked, asked], name, palette.LIMIT, dash="dash", width=1.6)
