@@ -1,5 +1,7 @@
 """``ambient-trainer mitigate``: the estimate's benefit to a governor, in closed loop on a simulated phone."""
 
+from typing import Any
+
 import click
 
 from ambient_trainer.cli import Finite, FiniteRange, Output, output_options, sampling_option, staged_progress
@@ -48,7 +50,11 @@ _ROOMS = ("5", "20", "35", "35/5/35")
 @click.option("--runs", type=click.IntRange(1, 50), default=3, help="How many seeds a room.")
 @sampling_option("Of the governor.")
 @click.option(
-    "--convection", type=FiniteRange(0.5, 50), metavar="X", help="Of the rooms' air, in W/(m2 K^1.25); 2.8 is still."
+    "--convection",
+    "convection_W_m2_K125",
+    type=FiniteRange(0.5, 50),
+    metavar="X",
+    help="Of the rooms' air, in W/(m2 K^1.25); 2.8 is still.",
 )
 @click.option(
     "--lose",
@@ -60,19 +66,12 @@ _ROOMS = ("5", "20", "35", "35/5/35")
 def command(
     model_path: str,
     rooms: tuple[str, ...],
-    limit_degC: float,
-    hottest_degC: float,
-    usual_degC: float,
     sensor: str,
-    workload: str,
-    work_min: float,
-    idle_min: float | None,
     seed: int,
     runs: int,
-    period_s: float,
-    convection: float | None,
     lose: tuple[str, float, float] | None,
     output: Output,
+    **setting: Any,
 ) -> None:
     """Cap a simulated phone's processor by one governor in several rooms: with the estimate of MODEL.json, without it
     (an assumed ambient in its place), and with the truth.
@@ -85,24 +84,16 @@ def command(
     from ambient_studies.mitigation.report import report_of  # scipy: --help should not wait for it
     from ambient_studies.mitigation.setting import Outage, Setting, room_of
 
+    limit_degC, hottest_degC, idle_min = (setting[name] for name in ("limit_degC", "hottest_degC", "idle_min"))
     if limit_degC <= hottest_degC:
         raise click.UsageError(f"--limit {limit_degC:g} is not above --hottest {hottest_degC:g}: raise --limit")
     if lose is not None and not lose[1] < lose[2]:
         raise click.UsageError(f"--lose {lose[0]} {lose[1]:g} {lose[2]:g} ends before it begins")
     output.check([model_path])
     model = load_model(model_path)
-    setting = Setting(
-        limit_degC=limit_degC,
-        hottest_degC=hottest_degC,
-        usual_degC=usual_degC,
-        workload=workload,
-        work_min=work_min,
-        idle_min=settling_min(model, period_s) if idle_min is None else idle_min,
-        period_s=period_s,
-        convection_W_m2_K125=convection,
-        outage=None if lose is None else Outage(*lose),
-    )
+    setting["idle_min"] = settling_min(model, setting["period_s"]) if idle_min is None else idle_min
+    same = Setting(**setting, outage=None if lose is None else Outage(*lose))
     chosen = [room_of(text) for text in dict.fromkeys(rooms)]
     with staged_progress() as progress:
-        comparison = compare(model, sensor, setting, chosen, range(seed, seed + runs), progress)
+        comparison = compare(model, sensor, same, chosen, range(seed, seed + runs), progress)
     output.show(report_of(comparison))
