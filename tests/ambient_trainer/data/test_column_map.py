@@ -131,7 +131,7 @@ def test_between_the_points_it_is_interpolated_and_beyond_them_the_nearest_holds
 @pytest.mark.parametrize(
     ("before", "after", "parts"),
     [
-        ("version: 1", "version: 2", ["version 2", "version 1"]),
+        ("version: 1", "version: 2", ["version", "2: input should be 1"]),
         ("reading_degC: 39.7", "reading_degC: 0.1", ["probes.air1.points", "increase"]),
         ("offset_K: 0.05", "offset_K: .nan", ["probes.air2.points[0].offset_K", "nan"]),
         ("standard_error_K: 0.001", "sigma: 1", ["probes.air2.points[0].sigma", "unknown key"]),

@@ -8,16 +8,13 @@ from __future__ import annotations
 import datetime
 import itertools
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import yaml
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator
 
 from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
-
-FORMAT = "probe-offsets"
-VERSION = 1
 
 
 class OffsetPoint(Strict):
@@ -52,18 +49,11 @@ class ProbeOffset(Strict):
 class OffsetFile(Strict):
     """A file of offsets; ``reference`` is what the probes were compared with."""
 
-    format: str
-    version: int
+    format: Literal["probe-offsets"]
+    version: Literal[1]
     created: datetime.datetime
     reference: str
     probes: dict[str, ProbeOffset] = Field(min_length=1)
-
-    @model_validator(mode="after")
-    def _known(self) -> OffsetFile:
-        if (self.format, self.version) != (FORMAT, VERSION):
-            problem = f"format {self.format!r}, version {self.version}"
-            raise wrong(problem, f"'calibrate' writes format {FORMAT!r}, version {VERSION}")
-        return self
 
 
 def load_offsets(path: str) -> dict[str, ProbeOffset]:
@@ -74,8 +64,8 @@ def load_offsets(path: str) -> dict[str, ProbeOffset]:
 def offsets_text(probes: Mapping[str, ProbeOffset], reference: str, created: datetime.datetime) -> str:
     """The file that :func:`load_offsets` reads; tenths of a millikelvin are more than any thermocouple is worth."""
     data = {
-        "format": FORMAT,
-        "version": VERSION,
+        "format": "probe-offsets",
+        "version": 1,
         "created": created.isoformat(timespec="seconds"),
         "reference": reference,
         "probes": {

@@ -2,24 +2,33 @@
 
 import os
 import typing
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from ambient_model.faults import Fault, Refused, refuse
 
+_Model = TypeVar("_Model", bound="Strict")
+
 
 class Strict(BaseModel):
-    """A part of a file: immutable, without unknown keys, its numbers finite."""
+    """A part of a file: immutable, without unknown keys, its numbers finite, and nothing of what it calls wrong."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    def _wrong(self) -> Iterator[tuple[str, str]]:
+        """The problem and the hint of what is wrong between its values; the first counts."""
+        return iter(())
 
-_Model = TypeVar("_Model", bound=Strict)
+    @model_validator(mode="after")
+    def _right(self: _Model) -> _Model:
+        for problem, hint in self._wrong():
+            raise wrong(problem, hint)
+        return self
 
 
 def wrong(problem: str, hint: str) -> PydanticCustomError:
@@ -133,7 +142,7 @@ def _model_at(model: type[BaseModel], location: list[int | str]) -> type[BaseMod
     return model
 
 
-def _models_in(annotation: Any) -> typing.Iterator[type[BaseModel]]:
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for argument in typing.get_args(annotation):

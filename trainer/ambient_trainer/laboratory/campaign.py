@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import AfterValidator, Field, create_model, field_validator, model_validator
+from pydantic import AfterValidator, Field, create_model, field_validator
 
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.trace import REFERENCE, split_column
@@ -67,14 +67,12 @@ class Ambient(Strict):
     at_least: Annotated[int, Field(ge=1)] = 1
     offsets: str | None = None
 
-    @model_validator(mode="after")
-    def _possible(self) -> Ambient:
+    def _wrong(self) -> Iterator[tuple[str, str]]:
         if twice := [name for index, name in enumerate(self.probes) if name in self.probes[:index]]:
-            raise wrong(f"{twice[0]!r} stands twice", "name each probe once")
+            yield f"{twice[0]!r} stands twice", "name each probe once"
         if self.at_least > len(self.probes):
             problem = f"'at_least' asks for {self.at_least} of {len(self.probes)} probes"
-            raise wrong(problem, "ask for as many as there are, or fewer")
-        return self
+            yield problem, "ask for as many as there are, or fewer"
 
     def readings(self, values: Mapping[str, float | None]) -> dict[str, float | None]:
         """What each probe reads; a thermometer alone has a column of its own."""
@@ -157,16 +155,14 @@ class Laboratory(Strict):
     actions: dict[Name, Action] = Field(default_factory=dict)
     safety: Safety
 
-    @model_validator(mode="after")
-    def _within_the_chamber(self) -> Laboratory:
+    def _wrong(self) -> Iterator[tuple[str, str]]:
         chamber, limits = self.instruments.chamber, self.safety.chamber
         if not isinstance(chamber, ChamberSettings) or limits is None:
-            return self
+            return
         if not chamber.lowest_degC <= limits.low_degC < limits.high_degC <= chamber.highest_degC:
             within = f"{chamber.lowest_degC:g} to {chamber.highest_degC:g} degC"
             problem = f"the limits {limits.low_degC:g} to {limits.high_degC:g} degC are not the chamber's"
-            raise wrong(problem, f"stay within {within}, or give its 'lowest_degC' and 'highest_degC'")
-        return self
+            yield problem, f"stay within {within}, or give its 'lowest_degC' and 'highest_degC'"
 
     @property
     def reference(self) -> str:

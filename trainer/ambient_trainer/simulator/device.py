@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from ambient_model.faults import Fault, Refused, refuse
-from ambient_trainer.data.strict_yaml import Strict, load_yaml, shipped_path, validated, wrong
+from ambient_trainer.data.strict_yaml import Strict, load_yaml, shipped_path, validated
 from ambient_trainer.data.trace import Array
 from ambient_trainer.simulator.chamber import Chamber
 
@@ -250,11 +250,9 @@ class Constant(Strict):
     low: _Positive
     high: _Positive
 
-    @model_validator(mode="after")
-    def _inside(self) -> Constant:
+    def _wrong(self) -> Iterator[tuple[str, str]]:
         if not (self.low <= self.start <= self.high and self.low <= self.value <= self.high):
-            raise wrong("start or value lies outside low to high", "widen the bounds or move it")
-        return self
+            yield "start or value lies outside low to high", "widen the bounds or move it"
 
 
 def device_names() -> tuple[str, ...]:

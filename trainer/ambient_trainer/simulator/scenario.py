@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from ambient_model.faults import Fault
-from ambient_trainer.data.strict_yaml import Strict, load_yaml, shipped_path, validated, wrong
+from ambient_trainer.data.strict_yaml import Strict, load_yaml, shipped_path, validated
 
 FOLDER = Path(__file__).with_name("scenarios")
 
@@ -28,11 +29,9 @@ class Settle(Strict):
     at_most_min: _Positive = 240.0
     """After this the program continues unsettled, and reports it."""
 
-    @model_validator(mode="after")
-    def _possible(self) -> Settle:
+    def _wrong(self) -> Iterator[tuple[str, str]]:
         if self.for_min > self.at_most_min:
-            raise wrong("'for_min' is longer than 'at_most_min'", "it could never settle: swap them")
-        return self
+            yield "'for_min' is longer than 'at_most_min'", "it could never settle: swap them"
 
 
 class Step(Strict):
@@ -47,13 +46,11 @@ class Step(Strict):
     load: tuple[_Name, ...] = ()
     """What the device does as long as the step lasts; nothing: it idles."""
 
-    @model_validator(mode="after")
-    def _ends(self) -> Step:
+    def _wrong(self) -> Iterator[tuple[str, str]]:
         if self.duration_min is None and self.settle is None:
-            raise wrong("the step never ends", "give it 'duration_min', 'settle', or both")
+            yield "the step never ends", "give it 'duration_min', 'settle', or both"
         if self.gradient_K_min is not None and self.chamber_degC is None:
-            raise wrong("a gradient without a set point", "add 'chamber_degC', or remove the gradient")
-        return self
+            yield "a gradient without a set point", "add 'chamber_degC', or remove the gradient"
 
 
 class Scenario(Strict):

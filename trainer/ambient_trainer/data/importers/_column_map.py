@@ -8,6 +8,7 @@ table's columns are called 1, 2, 3, ...
 from __future__ import annotations
 
 import codecs
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, model_validator
@@ -94,12 +95,10 @@ class TimeSource(Strict):
     format: str | None = None
     not_increasing: Literal["refuse", "drop"] = "refuse"
 
-    @model_validator(mode="after")
-    def _one_way(self) -> TimeSource:
+    def _wrong(self) -> Iterator[tuple[str, str]]:
         if (self.unit is None) == (self.format is None):
             problem = "neither 'unit' nor 'format'" if self.unit is None else "both 'unit' and 'format'"
-            raise wrong(problem, "give 'unit: s' for a number, or 'format: \"%Y-%m-%d %H:%M:%S\"' for a date")
-        return self
+            yield problem, "give 'unit: s' for a number, or 'format: \"%Y-%m-%d %H:%M:%S\"' for a date"
 
 
 class ColumnSource(Strict):
@@ -117,15 +116,11 @@ class ColumnSource(Strict):
     def _shorthand(cls, value: Any) -> Any:
         return value if isinstance(value, dict) else {"from": value}
 
-    @model_validator(mode="after")
-    def _combined(self) -> ColumnSource:
+    def _wrong(self) -> Iterator[tuple[str, str]]:
         if (len(self.sources) > 1) != (self.combine is not None):
             one = len(self.sources) == 1
-            raise wrong(
-                "'combine' with a single column" if one else f"{len(self.sources)} columns and no 'combine'",
-                "remove it" if one else "add 'combine: mean' or 'combine: median'",
-            )
-        return self
+            problem = "'combine' with a single column" if one else f"{len(self.sources)} columns and no 'combine'"
+            yield problem, "remove it" if one else "add 'combine: mean' or 'combine: median'"
 
 
 class ColumnMap(Strict):
@@ -154,13 +149,11 @@ class ColumnMap(Strict):
                 asked[f"columns.{name}.from[{index}]" if len(source.sources) > 1 else f"columns.{name}.from"] = each
         return asked | {f"drop_rows.{name}": name for name in self.drop_rows}
 
-    @model_validator(mode="after")
-    def _consistent(self) -> ColumnMap:
+    def _wrong(self) -> Iterator[tuple[str, str]]:
         if self.skip_under_header and not self.header:
-            raise wrong("'skip_under_header' without a header", "count those lines in 'skip_rows'")
+            yield "'skip_under_header' without a header", "count those lines in 'skip_rows'"
         if self.delimiter == self.decimal:
-            raise wrong(f"{self.decimal!r} is both delimiter and decimal", "give 'delimiter: \";\"'")
-        return self
+            yield f"{self.decimal!r} is both delimiter and decimal", "give 'delimiter: \";\"'"
 
 
 def parse_map(data: Any, source: str, presets: dict[str, Any] | None = None) -> ColumnMap:

@@ -17,7 +17,7 @@ A module ``my_meter.py`` is the kind ``my-meter``; an installed package adds one
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from types import ModuleType
 from typing import Annotated, Any, Protocol
 
@@ -44,11 +44,9 @@ class ChamberLimits(Strict):
     high_degC: float
     margin_K: NotNegative = 3.0
 
-    @model_validator(mode="after")
-    def _ordered(self) -> ChamberLimits:
+    def _wrong(self) -> Iterator[tuple[str, str]]:
         if not self.low_degC < self.high_degC:
-            raise wrong(f"{self.low_degC:g} to {self.high_degC:g} degC holds nothing", "low lies below high")
-        return self
+            yield f"{self.low_degC:g} to {self.high_degC:g} degC holds nothing", "low lies below high"
 
     def set_point(self, temp_degC: float) -> float:
         """``temp_degC`` in tenths; raises :class:`Refused` outside the limits."""

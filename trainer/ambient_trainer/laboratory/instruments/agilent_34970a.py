@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ambient_trainer.data.probe_offsets import ProbeOffset
-from ambient_trainer.data.strict_yaml import Strict, wrong
+from ambient_trainer.data.strict_yaml import Strict
 from ambient_trainer.laboratory.instruments import Air, MultiplexerSettings, Name, probe_values
 from ambient_trainer.laboratory.messages import Clock, InstrumentError, NoResponse, Reading
 from ambient_trainer.laboratory.pseudo_terminal import XOFF, XON, Response, SimulatedInstrument
@@ -64,13 +64,11 @@ class Channel(Strict):
     def _as_channel(cls, data: Any) -> Any:
         return {"channel": data} if isinstance(data, int) else data
 
-    @model_validator(mode="after")
-    def _possible(self) -> Channel:
+    def _wrong(self) -> Iterator[tuple[str, str]]:
         if self.sensor is not None and self.sensor not in _SENSORS:
-            raise wrong(f"no sensor is called {self.sensor!r}", f"known are {', '.join(_SENSORS)}")
+            yield f"no sensor is called {self.sensor!r}", f"known are {', '.join(_SENSORS)}"
         if not (100 < self.channel < 400 and self.channel % 100):
-            raise wrong(f"channel {self.channel}", "a channel is its slot, 1 to 3, and two digits, as 101")
-        return self
+            yield f"channel {self.channel}", "a channel is its slot, 1 to 3, and two digits, as 101"
 
 
 class Settings(MultiplexerSettings):
@@ -84,13 +82,11 @@ class Settings(MultiplexerSettings):
     baud: Annotated[int, Field(ge=1200)] = 57600
     thermocouple: Thermocouple = "K"
 
-    @model_validator(mode="after")
-    def _wired(self) -> Settings:
+    def _wrong(self) -> Iterator[tuple[str, str]]:
         for channel, sensor in self.sensors.items():
             if sensor.endswith("-4w") and channel + _OTHER_WIRES in self.sensors:
                 problem = f"channel {channel + _OTHER_WIRES} holds two of the wires of channel {channel}"
-                raise wrong(problem, "move its probe to another channel")
-        return self
+                yield problem, "move its probe to another channel"
 
     @property
     def sensors(self) -> dict[int, str]:

@@ -87,12 +87,10 @@ class Settings(ChamberSettings):
             raise wrong(f"no model is called {model!r}", f"known are {', '.join(models())}; or give its keys instead")
         return {**models()[model], **data}
 
-    @model_validator(mode="after")
-    def _possible(self) -> Settings:
+    def _wrong(self) -> Iterator[tuple[str, str]]:
         values = self.values or 1 + len(self.other_values or ())
         if self.other_values is not None and len(self.other_values) != values - 1:
-            raise wrong(f"{len(self.other_values)} of other_values", f"give all but the first of the {values} values")
-        return self
+            yield f"{len(self.other_values)} of other_values", f"give all but the first of the {values} values"
 
 
 class State(NamedTuple):
