@@ -2,7 +2,7 @@
 
 import importlib
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -93,7 +93,7 @@ def test_the_truth_names_it_and_its_magnitude(simulated, effect):
     assert told.unit == unit
     assert low - 1e-9 <= told.magnitude <= high + 1e-9
     assert told.size_degC > 0.3
-    assert json.loads(json.dumps(told.as_data(), allow_nan=False))["cause"] == effect.cause
+    assert json.loads(json.dumps(asdict(told), allow_nan=False))["cause"] == effect.cause
 
 
 def test_the_truth_has_the_thesiss_names_and_the_size_at_the_worst_sensor(simulated):
@@ -223,7 +223,7 @@ def test_the_extremes_of_every_kind_stay_finite():
     ]
     for run in simulate_many([("2.5", 1, [effect]) for effect in every], _PERIOD_S):
         (told,) = run.truths
-        json.dumps(told.as_data(), allow_nan=False)
+        json.dumps(asdict(told), allow_nan=False)
         assert max(np.abs(values).max() for values in run.trace.columns.values()) < 2000
 
 

@@ -34,7 +34,8 @@ def command(
 
     output.check([model_path])
     scenarios = scenario_names() if scenario_list == "all" else tuple(dict.fromkeys(scenario_list.split(",")))
-    chosen = Seeds.after(seeds, fitted)
+    first = max(seeds) + 1
+    chosen = Seeds(tuple(range(first, first + fitted)), seeds)
     model = load_model(model_path)
     with staged_progress() as progress, threadpool_limits(1):
         found = lower_bounds(model, scenarios, chosen, period_s, progress)

@@ -1,7 +1,7 @@
 """The benchmark: the circuit is trained once, then each case is diagnosed and scored, many at a time."""
 
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,15 +39,9 @@ class Done:
     rivals: tuple[str, ...]
 
 
-def train(
-    circuit: Circuit,
-    baselines: Sequence[Trace],
-    progress: Callable[[str, int, int], None] | None = None,
-    period_s: float | None = None,
-) -> Bench:
-    """The bench that known-good runs give; without ``period_s`` on the grid of a diagnosis."""
-    known = learn_known_good(circuit, baselines, progress, period_s)
-    return Bench(circuit, known, tuple(trace.path for trace in baselines))
+def train(circuit: Circuit, baselines: Sequence[Trace]) -> Bench:
+    """The bench that known-good runs give."""
+    return Bench(circuit, learn_known_good(circuit, baselines), tuple(trace.path for trace in baselines))
 
 
 def run(bench: Bench, cases: Sequence[Case], jobs: int) -> Generator[Done, None, None]:

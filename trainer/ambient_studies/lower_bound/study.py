@@ -8,7 +8,7 @@ model is, on others: weather and noise are new, the programme is not.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -17,14 +17,12 @@ import numpy as np
 from ambient_model.faults import refuse
 from ambient_model.model import Model
 from ambient_model.trace import REFERENCE
+from ambient_studies import Progress
 from ambient_studies.lower_bound.bank import fitted, gram, rmse_degC
 from ambient_trainer.data import Trace
 from ambient_trainer.estimators import Effort, estimator
 from ambient_trainer.evaluation import evaluate_trace
 from ambient_trainer.simulator import load_device, load_scenario, simulate_many
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is under way, how much of it is done, and of how much."""
 
 _LAGS_OF_ITS_OWN, _LAGS_OF_ALL = 14, 5
 _MOST_STATES = 4
@@ -63,12 +61,6 @@ class Seeds:
 
     fitted: tuple[int, ...]
     scored: tuple[int, ...]
-
-    @staticmethod
-    def after(scored: Sequence[int], fitted: int) -> Seeds:
-        """``fitted`` seeds from the one after the last of the ``scored`` on."""
-        first = max(scored) + 1
-        return Seeds(tuple(range(first, first + fitted)), tuple(scored))
 
 
 def lower_bounds(

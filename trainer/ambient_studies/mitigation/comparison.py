@@ -6,7 +6,7 @@ power and the air; the second gives the rise per W and its time constant. The ro
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -15,6 +15,7 @@ from ambient_model.faults import refuse
 from ambient_model.model import Model
 from ambient_model.trace import REFERENCE
 from ambient_model.tracking import Tracker, nearest_discrete
+from ambient_studies import Progress
 from ambient_studies.mitigation.governor import Identified
 from ambient_studies.mitigation.loop import Record, closed_loop, phone_zones
 from ambient_studies.mitigation.plant import skin_degC
@@ -23,14 +24,13 @@ from ambient_trainer.data import Trace
 from ambient_trainer.estimators import Effort, Fit, FreeFilterEstimator
 from ambient_trainer.simulator import (
     Zone,
-    felt,
     integrate,
     load_device,
     load_scenario,
     prepare,
     probe_reading,
     stream,
-    zone_reading,
+    trace_of,
 )
 
 SCENARIO = "5"
@@ -43,16 +43,11 @@ def training_trace(zone: Zone, period_s: float = 1.0, progress: Callable[[int, i
     """The run: ``zone``'s column, ``air_degC``, ``soc_power_W``, and the skin as the reference."""
     phone = load_device()
     driven = integrate([prepare(load_scenario(SCENARIO), SEED, period_s, phone)], period_s, progress)[0]
-    kept = slice(driven.run.unrecorded, None)
-    reading = zone_reading(zone, felt(zone, phone, driven.nodes_degC, period_s), stream(SEED, f"zone {zone.name}"))
-    columns = {
-        f"{zone.name}_degC": reading[kept],
-        _AIR: probe_reading(driven.run.air_degC, period_s, stream(SEED, "probes"))[kept],
-        _POWER: np.round(driven.processor_W[kept], 3),
-        REFERENCE: probe_reading(skin_degC(driven.nodes_degC), period_s, stream(SEED, "skin"))[kept],
-    }
-    time_s = np.round(np.arange(len(reading[kept])) * period_s, 6)
-    return Trace(f"scenario {SCENARIO}", time_s, columns, {"simulated": "yes"})
+    logged = trace_of(driven, SCENARIO, SEED, period_s, [zone])
+    skin = probe_reading(skin_degC(driven.nodes_degC), period_s, stream(SEED, "skin"))[driven.run.unrecorded :]
+    sensor = f"{zone.name}_degC"
+    columns = {sensor: logged.column(sensor), _AIR: logged.reference, _POWER: logged.column(_POWER), REFERENCE: skin}
+    return replace(logged, columns=columns)
 
 
 def identify(trace: Trace) -> Identified:
@@ -73,9 +68,6 @@ def identify(trace: Trace) -> Identified:
 def _fit(trace: Trace, driver: str) -> Fit:
     return FreeFilterEstimator(1).fit([trace], Effort(starts=4), inputs=(driver, _AIR))
 
-
-Progress = Callable[[str, int, int], None]
-"""Stage, steps done, steps in all."""
 
 _LEAST_IDLE_MIN, _MOST_IDLE_MIN = 20.0, 240.0
 

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from ambient_model.trace import REFERENCE
+from ambient_studies import Progress
 from ambient_studies.thesis.printed import PRINTED
 from ambient_studies.thesis.published import MODELS, NONCAUSAL, published_parameters
 from ambient_trainer.circuits import assemble, load_circuit
@@ -33,9 +34,6 @@ _OBSERVERS = {
 _OBSERVED = ("soc_degC", "flash_degC", "battery_degC", "usb_degC", "display_degC")
 _OBSERVER_PERIOD_S = 5.0
 """No time constant of a phone's sensors is shorter; it makes the fits of the observers faster."""
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is under way, how much of it is done, and of how much."""
 
 
 @dataclass(frozen=True)

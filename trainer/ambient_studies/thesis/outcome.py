@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 from threadpoolctl import threadpool_limits
 
-from ambient_studies.thesis.methods import Progress, thesis_methods
+from ambient_studies import Progress
+from ambient_studies.thesis.methods import thesis_methods
 from ambient_studies.thesis.published import CONSTANT_SCENARIOS, MODELS, published_results, sensor_statistics
 from ambient_studies.thesis.rows import Row, evaluate, like_published, spearman
 from ambient_trainer.report import Finding, Report, Section, Table

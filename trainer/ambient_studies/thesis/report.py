@@ -8,7 +8,7 @@ from ambient_studies.thesis.figures import error_figure, figure_sections
 from ambient_studies.thesis.names import VARIANTS, method_name
 from ambient_studies.thesis.outcome import Outcome, outcome_table
 from ambient_studies.thesis.reproduction import TRAINING, Reproduction, as_json
-from ambient_studies.thesis.tables import overview_table, scenario_tables
+from ambient_studies.thesis.tables import overview_table, scenario_sections
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
 
 _ABOUT = (
@@ -47,9 +47,7 @@ def report_of(reproduction: Reproduction, errata: Sequence[Erratum], calibration
         Drawing its figures simulates the runs that figures 4.1 and 4.5 need besides.
     """
     rows, verdict = reproduction.evaluated.rows, reproduction.verdict
-    verification, *others = (
-        Section(each.title, [each.errors, each.intervals]) for each in scenario_tables(reproduction.evaluated.rows)
-    )
+    verification, *others = scenario_sections(rows)
     shortfalls = Section(
         f"Not as in the thesis ({len(verdict.shortfalls)})", [Finding(each) for each in verdict.shortfalls], fold="open"
     )

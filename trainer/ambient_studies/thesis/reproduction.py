@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from ambient_studies import Progress
 from ambient_studies.thesis.errata import Erratum, computed_errata
-from ambient_studies.thesis.methods import Method, Progress, observer_methods, thesis_methods
+from ambient_studies.thesis.methods import Method, observer_methods, thesis_methods
 from ambient_studies.thesis.published import Results
 from ambient_studies.thesis.rows import Evaluated, evaluate
 from ambient_studies.thesis.verdict import Verdict, verdict

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import spearmanr
 
-from ambient_studies.thesis.methods import Method, Progress, Variant
+from ambient_studies import Progress
+from ambient_studies.thesis.methods import Method, Variant
 from ambient_studies.thesis.published import NONCAUSAL, Result, Results
 from ambient_trainer.data import Array, Trace
 from ambient_trainer.evaluation import score

@@ -1,13 +1,12 @@
 """The thesis's tables 5.1 to 5.12, each figure as published and as found on the simulated phone."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from ambient_model.model import LEVELS_PERCENT
 from ambient_studies.thesis.names import OURS, RELATED, SCENARIOS, TABLES, VARIANTS, method_name
 from ambient_studies.thesis.published import MODELS, NONCAUSAL, Result
 from ambient_studies.thesis.rows import Row
-from ambient_trainer.report import Table
+from ambient_trainer.report import Section, Table
 
 PUBLISHED, SIMULATED = "published", "simulated"
 
@@ -15,17 +14,8 @@ _NONE = "-"
 _LARGE_DEGC, _HUGE_DEGC = 100.0, 1000.0
 
 
-class ScenarioTables(NamedTuple):
-    """One scenario's pair of tables under its title."""
-
-    scenario: str
-    title: str
-    errors: Table
-    intervals: Table
-
-
-def scenario_tables(rows: Sequence[Row]) -> list[ScenarioTables]:
-    """A pair a scenario, in the thesis's order; what it gives no figures of comes last."""
+def scenario_sections(rows: Sequence[Row]) -> list[Section]:
+    """A scenario's tables of errors and intervals, in the thesis's order; what it gives no figures of comes last."""
     return [
         _pair(scenario, [row for row in rows if row.scenario == scenario])
         for scenario in SCENARIOS
@@ -57,26 +47,28 @@ def overview_table(rows: Sequence[Row]) -> Table:
     return Table(caption, ("method", "variant", *scenarios), tuple(shown), labels=2)
 
 
-def _pair(scenario: str, rows: Sequence[Row]) -> ScenarioTables:
+def _pair(scenario: str, rows: Sequence[Row]) -> Section:
     compared = [row for row in rows if row.model in MODELS and row.variant in ("corrected", "noncausal")]
     beside = [row for group in (RELATED, OURS) for row in rows if row.model in group]
     errors, intervals = TABLES.get(scenario, (None, None))
     known = errors is not None
     sources = ("publ.", "sim.") if known else ("sim.",)
-    return ScenarioTables(
-        scenario,
+    lines = [*compared, *beside]
+    return Section(
         f"{SCENARIOS[scenario]} ({SIMULATED})",
-        Table(
-            _caption(errors, "RMSE, MAE and MBE in degC, true minus estimate"),
-            ("model", *(f"{each} {source}" for each in ("RMSE", "MAE", "MBE") for source in sources)),
-            tuple((_label(row), *_errors(row, known)) for row in [*compared, *beside]),
-        ),
-        Table(
-            _caption(intervals, "where 50, 90 and 98 % of the errors lie in degC, if normally distributed"),
-            ("model", "figures", *(f"{level} %" for level in LEVELS_PERCENT)),
-            tuple(line for row in [*compared, *beside] for line in _intervals(row)),
-            labels=2,
-        ),
+        [
+            Table(
+                _caption(errors, "RMSE, MAE and MBE in degC, true minus estimate"),
+                ("model", *(f"{each} {source}" for each in ("RMSE", "MAE", "MBE") for source in sources)),
+                tuple((_label(row), *_errors(row, known)) for row in lines),
+            ),
+            Table(
+                _caption(intervals, "where 50, 90 and 98 % of the errors lie in degC, if normally distributed"),
+                ("model", "figures", *(f"{level} %" for level in LEVELS_PERCENT)),
+                tuple(line for row in lines for line in _intervals(row)),
+                labels=2,
+            ),
+        ],
     )
 
 

@@ -6,7 +6,7 @@ readings.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from threadpoolctl import threadpool_limits
 from ambient_model.model import Model
 from ambient_model.tracking import Estimate
 from ambient_model.unit_offset import LEARNING, OffsetPrior, estimate_variance_degC2, initial, predicted, updated
+from ambient_studies import Progress
 from ambient_studies.mitigation.loop import phone_zones
 from ambient_trainer.data import Trace
 from ambient_trainer.estimation import results, workers
@@ -77,9 +78,6 @@ def learnt(number: int, seed: int, days: Sequence[Evaluation], lie_degC: float =
         offsets.append(state.offset_degC)
     return offsets
 
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is under way, how much of it is done, and of how much."""
 
 _AT_ONCE = 5
 """Units that are simulated together."""

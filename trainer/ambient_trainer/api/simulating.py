@@ -1,7 +1,7 @@
 """``at.simulate``: what a simulated device logs, and what is hidden in it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -60,7 +60,7 @@ class SimulationResult(Result):
 
     def _truths(self) -> list[dict[str, Any]]:
         pairs = zip(self.simulated.hidden, self.simulated.truths)
-        return [{"hidden": hidden_text(each), **truth.as_data()} for each, truth in pairs]
+        return [{"hidden": hidden_text(each), **asdict(truth)} for each, truth in pairs]
 
 
 def simulate(

@@ -20,5 +20,5 @@ from ambient_trainer.simulator.live import Stepper
 from ambient_trainer.simulator.run import Driven, Progress, Run, bursts, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario, scenario_names
 from ambient_trainer.simulator.signals import SIGNALS
-from ambient_trainer.simulator.simulate import Simulated, Truth, simulate, simulate_many
+from ambient_trainer.simulator.simulate import Simulated, Truth, simulate, simulate_many, trace_of
 from ambient_trainer.simulator.text import draw_hidden

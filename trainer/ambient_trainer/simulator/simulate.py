@@ -5,7 +5,7 @@ device, seed, period and effects give the same trace.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -23,6 +23,7 @@ from ambient_trainer.simulator.scenario import load_scenario
 from ambient_trainer.simulator.signals import SIGNALS, signal
 from ambient_trainer.simulator.text import parse_hidden
 
+_FAULTLESS = Instruments()
 Asked = tuple[str, int] | tuple[str, int, Sequence[Hidden]]
 """Scenario, seed and, where there are some, effects."""
 
@@ -49,10 +50,6 @@ class Truth:
     """RMS over the time it is there of what it changes, in the trace's worst column; None where that was not run."""
     worst: str | None = None
     """That column: a sensor, or the reference for a clock."""
-
-    def as_data(self) -> dict[str, object]:
-        """For a JSON file."""
-        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -135,7 +132,7 @@ def trace_of(
     seed: int,
     period_s: float,
     zones: Sequence[Zone],
-    instruments: Instruments,
+    instruments: Instruments = _FAULTLESS,
     signals: Mapping[str, Array] = {},
 ) -> Trace:
     """What device and laboratory log of a run, from the recording's first sample on."""
