@@ -8,12 +8,11 @@ import pytest
 from ambient_studies.discovery.cases import Case
 from ambient_studies.discovery.figures import Outcome
 from ambient_studies.discovery.runner import Done
-from ambient_studies.discovery.score import Scored
 from ambient_trainer.diagnosis.result import Cause
 
 BIAS = Cause("sensor_bias", "display")
-OUTCOME = Outcome((BIAS,), 9.0, (BIAS,), True, 0.1, -4.0, (0.2, 0.3), 1.5, (0.9,))
-FINISHED = Done(Case(1, 12, (), ()), Scored(OUTCOME, True, True), ("sensor_bias at display: 4 degC",), ())
+OUTCOME = Outcome((BIAS,), 9.0, (BIAS,), True, 0.1, -4.0, (0.2, 0.3), 1.5, (0.9,), True, True)
+FINISHED = Done(Case(1, 12, (), ()), OUTCOME, ("sensor_bias at display: 4 degC",), ())
 PACKAGE = "ambient_studies.discovery"
 
 

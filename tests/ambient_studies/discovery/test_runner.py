@@ -20,13 +20,13 @@ def done(bench, cases):
 
 def test_workers_find_what_is_hidden(done, cases):
     assert [each.case for each in done] == list(cases)
-    nothing, bias = (each.scored.outcome for each in done)
+    nothing, bias = (each.outcome for each in done)
     assert nothing.true == ()
     assert nothing.correct == (nothing.found == ())
     assert bias.true == (BIAS,)
     assert bias.correct
-    assert done[1].scored.onset_right
-    assert done[1].scored.magnitude_right
+    assert done[1].outcome.onset_right
+    assert done[1].outcome.magnitude_right
     assert bias.gain_ci is not None
     assert bias.gain_ci[0] > 0.0
     assert "sensor_bias at display" in done[1].sentences[0]
@@ -37,12 +37,12 @@ def test_one_process_says_the_same_and_never_sees_the_truth(bench, cases, done, 
     monkeypatch.setattr("ambient_studies.discovery.runner.simulated", lambda _: lies)
     (alone,) = run(bench, cases[1:], 1)
     assert (alone.sentences, alone.rivals) == (done[1].sentences, done[1].rivals)
-    assert not alone.scored.outcome.correct
+    assert not alone.outcome.correct
 
 
 def test_a_bias_is_as_large_as_it_is(bench, done):
     sensors = [output.name for output in bench.known.model.circuit.outputs]
     deviation = bench.known.noise_degC[sensors.index("display")]
     # it comes within a minute and a half
-    assert done[1].scored.outcome.size_in_noise == pytest.approx(4.0 / deviation, rel=0.03)
-    assert done[0].scored.outcome.size_in_noise == 0.0
+    assert done[1].outcome.size_in_noise == pytest.approx(4.0 / deviation, rel=0.03)
+    assert done[0].outcome.size_in_noise == 0.0

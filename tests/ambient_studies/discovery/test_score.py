@@ -50,11 +50,11 @@ def scored():
 
 
 def test_one_effect_is_named_by_the_first_step(scored):
-    found = scored([HEAT], step(FOUND_HEAT, gain=(0.3, 0.4)), step(FOUND_BIAS)).outcome
+    found = scored([HEAT], step(FOUND_HEAT, gain=(0.3, 0.4)), step(FOUND_BIAS))
     assert found.correct
     assert (found.true, found.found) == ((FOUND_HEAT,), (FOUND_HEAT, FOUND_BIAS))
     assert (found.gain_ci, found.seconds, found.size_in_noise) == ((0.3, 0.4), 1.5, 6.0)
-    late = scored([HEAT], step(FOUND_BIAS), step(FOUND_HEAT)).outcome
+    late = scored([HEAT], step(FOUND_BIAS), step(FOUND_HEAT))
     assert not late.correct
     assert late.magnitude_error_frac is not None
 
@@ -73,8 +73,8 @@ def test_one_effect_is_named_by_the_first_step(scored):
 )
 def test_cause_location_and_signal_have_to_agree(scored, cause):
     found = scored([HEAT], step(cause))
-    assert not found.outcome.correct
-    assert (found.outcome.magnitude_error_frac, found.magnitude_right, found.onset_right) == (None, None, None)
+    assert not found.correct
+    assert (found.magnitude_error_frac, found.magnitude_right, found.onset_right) == (None, None, None)
 
 
 @pytest.mark.parametrize(
@@ -91,22 +91,22 @@ def test_cause_location_and_signal_have_to_agree(scored, cause):
     ],
 )
 def test_of_several_all_have_to_be_there_in_any_order(scored, truths, found, correct):
-    assert scored(truths, *map(step, found)).outcome.correct is correct
-    assert scored([]).outcome.gain_ci is None
+    assert scored(truths, *map(step, found)).correct is correct
+    assert scored([]).gain_ci is None
 
 
 @pytest.mark.parametrize(("found_s", "right"), [(380.0, True), (620.0, True), (379.0, False), (621.0, False)])
 def test_an_onset_may_be_off_by_two_minutes(scored, found_s, right):
     found = scored([BIAS], step(FOUND_BIAS, found_s, 2.0, "degC"))
-    assert (found.outcome.onset_error_s, found.onset_right) == (found_s - 500.0, right)
+    assert (found.onset_error_s, found.onset_right) == (found_s - 500.0, right)
 
 
 def test_since_ever_is_since_the_trace_began(scored):
-    assert scored([LAW], step(Cause("convection_law"))).outcome.onset_error_s is None
-    assert scored([LAW], step(Cause("convection_law"), 55.0)).outcome.onset_error_s == 50.0
-    assert scored([BIAS], step(FOUND_BIAS)).outcome.onset_error_s == -495.0
+    assert scored([LAW], step(Cause("convection_law"))).onset_error_s is None
+    assert scored([LAW], step(Cause("convection_law"), 55.0)).onset_error_s == 50.0
+    assert scored([BIAS], step(FOUND_BIAS)).onset_error_s == -495.0
     # a signal tells itself when it is on
-    assert scored([HEAT], step(FOUND_HEAT)).outcome.onset_error_s is None
+    assert scored([HEAT], step(FOUND_HEAT)).onset_error_s is None
 
 
 @pytest.mark.parametrize(
@@ -123,8 +123,8 @@ def test_since_ever_is_since_the_trace_began(scored):
 )
 def test_a_magnitude_may_be_off_by_a_quarter_or_by_its_interval(scored, true, value, ci95, unit, error, right):
     found = scored([replace(BIAS, magnitude=true)], step(FOUND_BIAS, 500.0, value, unit, ci95, (0.1, float("inf"))))
-    assert (found.outcome.magnitude_error_frac, found.magnitude_right) == (pytest.approx(error), right)
-    assert (found.outcome.correct, found.outcome.gain_ci) == (True, None)
+    assert (found.magnitude_error_frac, found.magnitude_right) == (pytest.approx(error), right)
+    assert (found.correct, found.gain_ci) == (True, None)
 
 
 def test_places_by_the_circuits_names():

@@ -49,7 +49,7 @@ def command(count: int, seed: int, circuit_name: str, output: Output, jobs: int)
     except KeyboardInterrupt:
         if not done:
             raise
-    outcomes = [each.scored.outcome for each in done]
+    outcomes = [each.outcome for each in done]
     each = [case_json(one) for one in done]
     output.show(report_of(outcomes, {"seed": seed, "circuit": circuit.name, **as_json(outcomes), "each": each}))
     if len(done) < count:
@@ -80,5 +80,5 @@ def _collect(done: list[Done], circuit: Circuit, seed: int, count: int, jobs: in
         with contextlib.closing(run(bench, draw_cases(seed, count), jobs)) as cases:
             for each in cases:
                 done.append(each)
-                right = sum(one.scored.outcome.correct for one in done)
+                right = sum(one.outcome.correct for one in done)
                 progress(f"diagnosing, {right} right", len(done), count)

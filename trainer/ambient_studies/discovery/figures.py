@@ -22,7 +22,8 @@ class Outcome:
     ``correct`` says whether cause, location and signal were named: of one effect by the first step, of several by some
     step each, and spare steps do not count; where nothing was hidden, whether there is no step. The errors are of the
     first effect, None where it has no magnitude or onset or was not found; ``gain_ci`` is the first step's, in degC.
-    ``confidence`` is that of each cause in ``found``.
+    ``confidence`` is that of each cause in ``found``; ``onset_right`` (within two minutes) and ``magnitude_right``
+    (within a quarter, or in the stated interval) are of the first effect, None where there is nothing to compare.
     """
 
     true: tuple[Cause, ...]
@@ -34,6 +35,8 @@ class Outcome:
     gain_ci: tuple[float, float] | None
     seconds: float
     confidence: tuple[float, ...] = ()
+    onset_right: bool | None = None
+    magnitude_right: bool | None = None
 
     @property
     def named(self) -> tuple[tuple[Cause, float, bool], ...]:

@@ -145,14 +145,11 @@ def as_json(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 def case_json(done: Done) -> dict[str, Any]:
     """One case for a machine."""
-    scored = done.scored
     return {
         "number": done.case.number,
         "run_seed": done.case.seed,
-        **asdict(scored.outcome),
-        "onset_right": scored.onset_right,
-        "magnitude_right": scored.magnitude_right,
-        "named": [{**asdict(cause), "confidence": sure, "right": right} for cause, sure, right in scored.outcome.named],
+        **asdict(done.outcome),
+        "named": [{**asdict(cause), "confidence": sure, "right": right} for cause, sure, right in done.outcome.named],
         "rivals": list(done.rivals),
         "said": list(done.sentences),
     }

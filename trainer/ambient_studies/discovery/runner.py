@@ -9,7 +9,8 @@ from joblib import delayed
 
 from ambient_model.trace import REFERENCE
 from ambient_studies.discovery.cases import Case, simulated
-from ambient_studies.discovery.score import Scored, score
+from ambient_studies.discovery.figures import Outcome
+from ambient_studies.discovery.score import score
 from ambient_trainer.circuits import Circuit
 from ambient_trainer.data import Trace
 from ambient_trainer.diagnosis import KnownGood, diagnose_changed, learn_known_good
@@ -31,10 +32,10 @@ class Bench:
 
 @dataclass(frozen=True)
 class Done:
-    """A case, its score, a sentence a step, and the causes not distinguishable from the first step."""
+    """A case, its outcome, a sentence a step, and the causes not distinguishable from the first step."""
 
     case: Case
-    scored: Scored
+    outcome: Outcome
     sentences: tuple[str, ...]
     rivals: tuple[str, ...]
 
@@ -72,9 +73,9 @@ def diagnosed(bench: Bench, case: Case, run: Simulated) -> Done:
     started_s = time.perf_counter()
     found = diagnose_changed(bench.known, bench.circuit, [run.trace], bench.baselines)
     seconds = time.perf_counter() - started_s
-    scored = score(run.truths, size_in_noise(bench, run), found, bench.circuit, seconds)
+    outcome = score(run.truths, size_in_noise(bench, run), found, bench.circuit, seconds)
     rivals = found.steps[0].indistinguishable_from if found.steps else ()
-    return Done(case, scored, tuple(step.sentence for step in found.steps), tuple(str(each) for each in rivals))
+    return Done(case, outcome, tuple(step.sentence for step in found.steps), tuple(str(each) for each in rivals))
 
 
 def size_in_noise(bench: Bench, run: Simulated) -> float:

@@ -6,7 +6,7 @@ there may be no step.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ambient_studies.discovery.figures import Outcome
 from ambient_trainer.circuits import Circuit
@@ -20,20 +20,9 @@ _CALLED = {"battery": "cell", "back": "case", "frame": "case"}
 """Simulated nodes that circuits call by another name."""
 
 
-@dataclass(frozen=True)
-class Scored:
-    """``onset_right`` (within two minutes) and ``magnitude_right`` (within a quarter, or in the stated interval) are of
-    the first effect: None where it was not found, or has none to compare.
-    """
-
-    outcome: Outcome
-    onset_right: bool | None
-    magnitude_right: bool | None
-
-
 def score(
     truths: Sequence[Truth], size_in_noise: float, diagnosis: Diagnosis, circuit: Circuit, seconds: float
-) -> Scored:
+) -> Outcome:
     """What a diagnosis by ``circuit`` found of what was hidden."""
     true = tuple(_cause(truth, circuit) for truth in truths)
     found = tuple(_by_column(step.cause) for step in diagnosis.steps)
@@ -53,8 +42,8 @@ def score(
     gain = diagnosis.steps[0].gain.ci95_degC if diagnosis.steps else None
     if gain is not None and not all(math.isfinite(end) for end in gain):
         gain = None  # of a simulation that ran away
-    outcome = Outcome(true, size_in_noise, found, correct, size, onset_s, gain, seconds, sure)
-    return Scored(outcome, onset_right, magnitude_right)
+    errors = size, onset_s, gain
+    return Outcome(true, size_in_noise, found, correct, *errors, seconds, sure, onset_right, magnitude_right)
 
 
 def onset_error_s(truth: Truth, step: Step, first_s: float) -> float | None:
