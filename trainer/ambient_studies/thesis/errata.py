@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from importlib import resources
 
 import numpy as np
@@ -27,6 +26,7 @@ from ambient_trainer.lti import StateSpace, dc_gain
 _TRUTH_DEGC = 20.0
 """The ambient of the constant scenarios."""
 _STATES = ("flash", "battery", "usb")
+_TEXTS: Mapping[int, Mapping[str, str]] = yaml.safe_load((resources.files(__package__) / "errata.yaml").read_text())
 
 
 @dataclass(frozen=True)
@@ -95,14 +95,8 @@ def implied_display_degC(gains: Mapping[str, float], scenario: str) -> float:
     return (estimate - others) / gains["display"]
 
 
-@cache
-def _texts() -> Mapping[int, Mapping[str, str]]:
-    texts: Mapping[int, Mapping[str, str]] = yaml.safe_load((resources.files(__package__) / "errata.yaml").read_text())
-    return texts
-
-
 def _erratum(number: int, figures: Sequence[Figure]) -> Erratum:
-    return Erratum(number, **_texts()[number], figures=tuple(figures))
+    return Erratum(number, **_TEXTS[number], figures=tuple(figures))
 
 
 def _moving_ambient(training: Trace, ambient_change: Trace) -> list[Figure]:

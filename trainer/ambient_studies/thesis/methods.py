@@ -77,7 +77,17 @@ def thesis_methods(training: Trace, progress: Progress) -> list[Method]:
         methods.append(fitted_method(fit))
         if model == NONCAUSAL:
             methods.append(noncausal_method(fit))
-    return [*methods, *map(published_method, MODELS), *map(printed_method, PRINTED)]
+    for model in MODELS:
+        circuit, published = load_circuit(model), published_parameters()[model]
+        estimate = partial(estimate_degC, assemble(circuit, published.corrected).value, circuit.hold, circuit.inputs)
+        about = f"{circuit.about}; parameters of table {published.table}, found on the thesis's phone"
+        methods.append(Method(model, "published_parameters", estimate, about))
+    for model, printed in PRINTED.items():
+        published = published_parameters()[model]
+        estimate = partial(estimate_degC, printed.system(published.printed), "first-order", printed.inputs)
+        about = f"{printed.about}, parameters of table {published.table} as printed"
+        methods.append(Method(model, "as_printed", estimate, about))
+    return methods
 
 
 def observer_methods(training: Trace, progress: Progress) -> list[Method]:
@@ -111,20 +121,3 @@ def noncausal_method(fit: Fit) -> Method:
 
     about = "as fitted, plus the offset that makes each run's mean error zero"
     return Method(fit.circuit, "noncausal", estimate, about)
-
-
-def published_method(model: str) -> Method:
-    """The corrected equations with the parameters of tables 4.1 to 4.8, errata applied."""
-    circuit, published = load_circuit(model), published_parameters()[model]
-    system = assemble(circuit, published.corrected).value
-    about = f"{circuit.about}; parameters of table {published.table}, found on the thesis's phone"
-    estimate = partial(estimate_degC, system, circuit.hold, circuit.inputs)
-    return Method(model, "published_parameters", estimate, about)
-
-
-def printed_method(model: str) -> Method:
-    """Equations and parameters as printed, errors included; for the models of ``PRINTED``."""
-    printed, published = PRINTED[model], published_parameters()[model]
-    about = f"{printed.about}, parameters of table {published.table} as printed"
-    estimate = partial(estimate_degC, printed.system(published.printed), "first-order", printed.inputs)
-    return Method(model, "as_printed", estimate, about)

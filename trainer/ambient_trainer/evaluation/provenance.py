@@ -1,7 +1,7 @@
 """The provenance in a model file: the traces that it was trained on, and the baseline that was fitted beside it."""
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import BeforeValidator
@@ -42,13 +42,12 @@ class StaticLinear(Strict, extra="ignore"):
     offset: float
 
 
-def _of_this_kind(content: Any) -> Any:
-    return content if isinstance(content, dict) and content.get("kind") == STATIC_LINEAR else None
+_OF_THIS_KIND = BeforeValidator(lambda it: it if isinstance(it, dict) and it.get("kind") == STATIC_LINEAR else None)
 
 
 class _Provenance(Strict, extra="ignore"):
     training: tuple[TrainingSpan, ...] = ()
-    baseline: Annotated[StaticLinear | None, BeforeValidator(_of_this_kind)] = None
+    baseline: Annotated[StaticLinear | None, _OF_THIS_KIND] = None
 
 
 class _File(Strict):

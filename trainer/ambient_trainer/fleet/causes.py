@@ -177,7 +177,8 @@ def _most_probable(bare: Fitted, trials: Sequence[Trial], typical: Typical) -> N
     scores: dict[tuple[str, str | None], float] = {}
     for (evidence, _), mechanism in found:
         score = (evidence - without) / (_DOUBTED * max(1.0, least / expected))
-        score -= sum(ends_within(mechanism)) * np.log(max(samples, 2.0)) + _unlikely(mechanism)
+        score -= sum(ends_within(mechanism)) * np.log(max(samples, 2.0))
+        score -= np.log(_LOGGED) if mechanism.cause == "heat_source" and mechanism.driver is None else 0.0
         named = cause_of(mechanism, bare.model.circuit)
         key = named.name, named.place
         scores[key] = max(score, scores.get(key, -np.inf))
@@ -193,11 +194,6 @@ def _most_probable(bare: Fitted, trials: Sequence[Trial], typical: Typical) -> N
         return Named(UNKNOWN)
     rivals = tuple(" at ".join(filter(None, keys[k])) for k in order[1:] if share[k] > _RIVAL * share[order[0]])
     return Named(cause, place, min(float(share[order[0]]), _SUREST), rivals)
-
-
-def _unlikely(mechanism: Mechanism) -> float:
-    """The logarithm of how much less probable than others it is beforehand."""
-    return float(np.log(_LOGGED)) if mechanism.cause == "heat_source" and mechanism.driver is None else 0.0
 
 
 def _evidence(fitted: Fitted, typical: Typical) -> tuple[float, float]:

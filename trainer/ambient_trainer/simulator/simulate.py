@@ -220,11 +220,12 @@ def _check(runs: Sequence[_Key], decoys: Sequence[str], device: Device) -> None:
 def truth(ran: Ran) -> Truth:
     """The truth about one effect; zero where it was never in force."""
     hidden, there = ran.hidden, ran.there
+    named = [ran.device.sensor_of(part) for part in (hidden.location or "").split("-")]
     magnitude, unit, others = ran.effect.magnitude(ran) if there.any() else (0.0, "", {})
     return Truth(
         hidden.cause,
         hidden.location,
-        _by_sensors(ran.device, hidden.location),
+        None if None in named else "-".join(map(str, named)),
         hidden.signal,
         float(ran.time_s[int(np.argmax(there))]) if hidden.signal and there.any() else hidden.onset_s or None,
         None if hidden.end_s is None or hidden.end_s >= ran.time_s[-1] else hidden.end_s,
@@ -248,10 +249,3 @@ def size_degC(effect: Trace, clean: Trace, ran: Ran) -> tuple[float, str]:
     rms = {name: float(np.sqrt(np.mean((effect.columns[name] - clean.columns[name])[there] ** 2))) for name in names}
     worst = max(rms, key=rms.__getitem__)
     return rms[worst], worst
-
-
-def _by_sensors(device: Device, location: str | None) -> str | None:
-    if location is None:
-        return None
-    named = [device.sensor_of(part) for part in location.split("-")]
-    return None if None in named else "-".join(str(each) for each in named)

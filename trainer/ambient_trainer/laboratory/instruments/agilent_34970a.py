@@ -125,12 +125,6 @@ READ_ERROR = Query(b"SYST:ERR?\n", "an error's number and text", lambda reply: i
 READ_IDENTITY = Query(b"*IDN?\n", f"the identity of a {', '.join(MODELS)}", lambda reply: isinstance(reply, Identity))
 
 
-def read_scan(channels: tuple[int, ...]) -> Query:
-    """The query for a scan of ``channels``, which stand in the instrument's order."""
-    expected = f"{len(channels)} reading{'s' * (len(channels) > 1)}, of {channel_list(channels)}"
-    return Query(b"READ?\n", expected, lambda reply: isinstance(reply, Scan) and reply.channels == channels)
-
-
 def configure(sensors: Mapping[int, str]) -> bytes:
     """The commands that make a scan of the ``sensors`` on their channels; the list comes last, as CONF changes it."""
     commands = []
@@ -180,7 +174,10 @@ class Driver(SerialDriver):
         self._names = dict(sorted((each.channel, probe) for probe, each in settings.probes.items()))
         self._offsets, self._sensors = offsets, settings.sensors
         self.line = SerialLine("multiplexer", settings, clock, decode, READ_ERROR, baud=settings.baud, xonxoff=True)
-        self._read_scan = read_scan(tuple(self._names))
+        channels = tuple(self._names)
+        expected = f"{len(channels)} reading{'s' * (len(channels) > 1)}, of {channel_list(channels)}"
+        of_them = lambda reply: isinstance(reply, Scan) and reply.channels == channels  # noqa: E731
+        self._read_scan = Query(b"READ?\n", expected, of_them)
         self._configured = False
 
     def identify(self) -> str:

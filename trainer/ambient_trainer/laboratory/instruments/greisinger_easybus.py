@@ -156,11 +156,6 @@ def body_of_number(number: int) -> bytes:
     return _upright(number.to_bytes(4, "big"))
 
 
-def body_of_value(value: float, decimals: int) -> bytes:
-    """The body that holds ``value``, rounded to so many decimals."""
-    return body_of_number((decimals + 15) << 27 | (round(value * 10**decimals) - 0x02000000) & 0x07FFFFFF)
-
-
 def _upright(body: bytes) -> bytes:
     """The first byte of each group is sent inverted; its own inverse."""
     return bytes(byte ^ 0xFF if at % 2 == 0 else byte for at, byte in enumerate(body))
@@ -227,4 +222,5 @@ class Simulated(SimulatedInstrument):
             return body_of_number(_NUMBER)
         if code == UNIT:
             return bytes((~UNIT & 0xFF, 0)) + _upright(_DEGC.to_bytes(2, "big"))
-        return body_of_value(self._air(self._clock.now_s()), _DECIMALS)
+        digits = round(self._air(self._clock.now_s()) * 10**_DECIMALS)
+        return body_of_number((_DECIMALS + 15) << 27 | (digits - 0x02000000) & 0x07FFFFFF)

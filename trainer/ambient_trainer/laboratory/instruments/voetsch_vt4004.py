@@ -130,20 +130,6 @@ class Fault(NamedTuple):
     text: str
 
 
-def set_values(nominal: Sequence[float], outputs: Sequence[bool]) -> bytes:
-    """The command that sets nominal values and outputs."""
-    return b"E %s %s" % (_numbers(nominal), _bits(outputs))
-
-
-def set_gradients(up_K_min: float, down_K_min: float, outputs: Sequence[bool] | None = None) -> bytes:
-    """The command that limits how fast the nominal temperature rises and falls; 0.0 does not limit it.
-
-    The second pair is a humidity's, which a chamber without it ignores; some have the outputs in its place.
-    """
-    further = _numbers((0.0, 0.0)) if outputs is None else _bits(outputs)
-    return b"U %s %s" % (_numbers((up_K_min, down_K_min)), further)
-
-
 Reply = State | Done | Fault | str
 """Of the text of another line."""
 
@@ -224,9 +210,10 @@ class Driver(SerialDriver):
         up_K_min = down_K_min = self._limits.gradient(rate_K_min)
         if self._settings.gradient == "needed":
             up_K_min, down_K_min = (up_K_min, 0.0) if rising else (0.0, down_K_min)
-        outputs = self._outputs(True) if self._settings.gradient == "outputs" else None
+        # the second pair is a humidity's, which a chamber without it ignores; some have the outputs in its place
+        further = _bits(self._outputs(True)) if self._settings.gradient == "outputs" else _numbers((0.0, 0.0))
         expected = f"'0' to the gradient {up_K_min:.1f} K/min up, {down_K_min:.1f} K/min down"
-        self.line.query(self._query(set_gradients(up_K_min, down_K_min, outputs), expected, _is_done))
+        self.line.query(self._query(b"U %s %s" % (_numbers((up_K_min, down_K_min)), further), expected, _is_done))
 
     def stop(self) -> None:
         default_degC = min(max(20.0, self._limits.low_degC), self._limits.high_degC)
@@ -282,7 +269,7 @@ class Driver(SerialDriver):
             others = tuple(self._last.values[place] for place in self._layout.nominal[1:])
         elif others is None:
             others = (0.0,) * ((self._settings.values or VALUES) - 1)
-        command = set_values((nominal_degC, *others), self._outputs(run))
+        command = b"E %s %s" % (_numbers((nominal_degC, *others)), _bits(self._outputs(run)))
         self.line.query_anyway(self._query(command, expected, _is_done))
 
 
