@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambient_studies.thesis.methods import fit_model, fitted_method
+from ambient_studies.thesis.methods import fit_model
 from ambient_studies.thesis.moving_ambient import INPUTS, fit_with_moving_ambient, with_moving_ambient
 from ambient_studies.thesis.published import MODELS
 from ambient_trainer.estimators.base import Effort
@@ -21,11 +21,11 @@ from .conftest import wandering
 def test_a_fit_recovers_the_output_of_the_same_model(runs, model):
     """The thesis's test of section 5.5, from several starts; parameters may differ, the output not."""
     training = runs.training
-    own = fitted_method(fit_model(model, training)).estimate(training)
+    own = fit_model(model, training).estimate_degC(training)
     synthetic = replace(training, columns={**training.columns, "ambient_degC": own})
     again = estimator(model).fit([synthetic], Effort(starts=3))
     assert again.rmse_degC < 0.01
-    np.testing.assert_allclose(fitted_method(again).estimate(training), own, atol=0.1)
+    np.testing.assert_allclose(again.estimate_degC(training), own, atol=0.1)
 
 
 RISES = StateSpace(

@@ -25,7 +25,7 @@ def _demand(balance, activity, count=1):
 def _solved(balance, run, period_s):
     """The same by an adaptive solver of order 8 that starts anew at every sample."""
     states = [balance.equilibrium(run.air_degC[:1], balance.demand(run.activity[:1], np.ones(1)))[0]]
-    for k in range(run.samples - 1):
+    for k in range(len(run.air_degC) - 1):
         slope = (run.air_degC[k + 1] - run.air_degC[k]) / period_s
         demand = balance.demand(run.activity[k : k + 1], np.ones(1))
 

@@ -107,7 +107,7 @@ def test_integration_agrees_with_an_adaptive_solver():
     ours = integrate([run], 1.0, added=[part])[0]
     additions = Additions(HeatBalance([run.device]), [part])
     state = np.concatenate([ours.nodes_degC[0], ours.bodies_degC[0]])
-    for k in range(run.samples - 1):
+    for k in range(len(run.air_degC) - 1):
         demand = additions.balance.demand(run.activity[k : k + 1], np.ones(1))
         rates, slope = additions.rates_during(k), run.air_degC[k + 1] - run.air_degC[k]
 

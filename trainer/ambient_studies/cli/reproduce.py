@@ -13,15 +13,18 @@ def command(output: Output, seed: int) -> None:
 
     Prints the thesis's tables 5.1 to 5.12 with the published figures beside the simulated ones, and what differs.
     """
+    from ambient_studies.thesis.errata import computed_errata
     from ambient_studies.thesis.outcome import outcomes  # scipy: --help should not wait for it
     from ambient_studies.thesis.published import published_results
     from ambient_studies.thesis.report import report_of
-    from ambient_studies.thesis.reproduction import all_methods, errata_of, reproduce
+    from ambient_studies.thesis.reproduction import all_methods, reproduce
     from ambient_trainer.simulator import load_device
 
     output.check([])
     with staged_progress() as progress:
         found = reproduce(seed, all_methods, published_results(), progress)
-        errata = errata_of(found.runs, progress) if output.json_path or output.report_folder else []
+        progress("computing the errata", 0, 1)
+        wanted, evaluated = output.json_path or output.report_folder, found.runs.evaluated
+        errata = computed_errata(found.runs.training, evaluated["3"]) if wanted else []
         calibration = outcomes(load_device(), seed) if output.report_folder else []
     output.show(report_of(found, errata, calibration))

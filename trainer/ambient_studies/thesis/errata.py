@@ -7,7 +7,7 @@ from importlib import resources
 import numpy as np
 import yaml
 
-from ambient_studies.thesis.methods import fit_model, fitted_method
+from ambient_studies.thesis.methods import fit_model
 from ambient_studies.thesis.moving_ambient import INPUTS, fit_with_moving_ambient
 from ambient_studies.thesis.printed import PRINTED
 from ambient_studies.thesis.published import (
@@ -101,7 +101,7 @@ def _erratum(number: int, figures: Sequence[Figure]) -> Erratum:
 
 def _moving_ambient(training: Trace, ambient_change: Trace) -> list[Figure]:
     """The best model with the balance as it is printed, and with -dT_amb/dt in it."""
-    without = fitted_method(fit_model("model2_ss_free_cd", training)).estimate
+    without = fit_model("model2_ss_free_cd", training).estimate_degC
     system = fit_with_moving_ambient(training)
     figures = []
     for where, trace in (("on the moving ambient", ambient_change), ("in training", training)):

@@ -74,9 +74,11 @@ def thesis_methods(training: Trace, progress: Progress) -> list[Method]:
     for done, model in enumerate(MODELS):
         progress(f"fitting {model}", done, len(MODELS))
         fit = fit_model(model, training)
-        methods.append(fitted_method(fit))
+        about = f"{load_circuit(model).about}; fitted to the training run"
+        methods.append(Method(model, "corrected", fit.estimate_degC, about))
         if model == NONCAUSAL:
-            methods.append(noncausal_method(fit))
+            about = "as fitted, plus the offset that makes each run's mean error zero"
+            methods.append(Method(model, "noncausal", partial(_without_mean_error, fit), about))
     for model in MODELS:
         circuit, published = load_circuit(model), published_parameters()[model]
         estimate = partial(estimate_degC, assemble(circuit, published.corrected).value, circuit.hold, circuit.inputs)
@@ -106,18 +108,7 @@ def fit_model(model: str, training: Trace) -> Fit:
     return estimator(model).fit([training], EFFORT)
 
 
-def fitted_method(fit: Fit) -> Method:
-    """The corrected equations with the fitted parameters."""
-    about = f"{load_circuit(fit.circuit).about}; fitted to the training run"
-    return Method(fit.circuit, "corrected", fit.estimate_degC, about)
-
-
-def noncausal_method(fit: Fit) -> Method:
-    """The same with an offset that is fitted to the reference of the very run under evaluation (erratum 9)."""
-
-    def estimate(trace: Trace) -> Array:
-        found = fit.estimate_degC(trace)
-        return found + np.nanmean(trace.column(REFERENCE) - found)
-
-    about = "as fitted, plus the offset that makes each run's mean error zero"
-    return Method(fit.circuit, "noncausal", estimate, about)
+def _without_mean_error(fit: Fit, trace: Trace) -> Array:
+    """With an offset that is fitted to the reference of the very run under evaluation (erratum 9)."""
+    found = fit.estimate_degC(trace)
+    return found + np.nanmean(trace.column(REFERENCE) - found)

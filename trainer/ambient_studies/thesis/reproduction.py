@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ambient_studies import Progress
-from ambient_studies.thesis.errata import Erratum, computed_errata
+from ambient_studies.thesis.errata import Erratum
 from ambient_studies.thesis.methods import Method, observer_methods, thesis_methods
 from ambient_studies.thesis.published import Results
 from ambient_studies.thesis.rows import Evaluated, evaluate
@@ -88,12 +88,6 @@ def all_methods(runs: Runs, progress: Progress) -> list[Method]:
     thesis = thesis_methods(runs.training, progress)
     progress("fitting the related methods", 0, 1)
     return [*thesis, *related_methods(runs.training, runs.idle), *observer_methods(runs.training, progress)]
-
-
-def errata_of(runs: Runs, progress: Progress) -> list[Erratum]:
-    """The errors of the thesis's text, computed from its tables and from ``runs``."""
-    progress("computing the errata", 0, 1)
-    return computed_errata(runs.training, runs.evaluated["3"])
 
 
 def as_json(reproduction: Reproduction, errata: Sequence[Erratum]) -> dict[str, Any]:

@@ -209,7 +209,10 @@ def _one(model: Model, number: int, seed: int, runs: Sequence[UnitRun], logged: 
 
 def _score(run: UnitRun, model: Model, improved: Model, trace: Trace, learnt_degC: float) -> Score:
     before, after = evaluate_trace(model, trace), evaluate_trace(improved, trace)
-    bias_degC = before.metrics.mbe_degC
+    bias_degC, known = before.metrics.mbe_degC, np.isfinite(before.error_degC)
+    # in the published interval, once it is moved by the offset
+    moved_degC = before.reference_degC[known] - learnt_degC
+    inside = (before.low_degC[known] <= moved_degC) & (moved_degC <= before.high_degC[known])
     return Score(
         run.scenario,
         run.cased,
@@ -222,12 +225,5 @@ def _score(run: UnitRun, model: Model, improved: Model, trace: Trace, learnt_deg
         100 * after.coverage[90],
         math.sqrt(before.metrics.rmse_degC**2 - bias_degC**2 + (bias_degC - learnt_degC) ** 2),
         bias_degC - learnt_degC,
-        _inside90_percent(before, learnt_degC),
+        100 * float(np.mean(inside)),
     )
-
-
-def _inside90_percent(run: Evaluation, offset_degC: float) -> float:
-    """The percentage of references in the published interval, once it is moved by an offset."""
-    known = np.isfinite(run.error_degC)
-    moved_degC = run.reference_degC[known] - offset_degC
-    return 100 * float(np.mean((run.low_degC[known] <= moved_degC) & (moved_degC <= run.high_degC[known])))

@@ -23,6 +23,10 @@ _CAPTION = (
     "Errors in degC, true minus estimate. 98 % interval: mean ± 2.33 standard deviations of the errors. "
     "In 50/90/98 %: the percentage of errors inside the interval of that level that the model file publishes."
 )
+_SEEN = (
+    "Not held out: the model was trained on samples of {} that it is evaluated on here. The figures are no measure of "
+    "its error on other data."
+)
 _AS_THEY_ARE = "without_estimate", "without_reference", "trace_period_s", "period_s", "overlaps_training"
 """Of an evaluation, in its JSON."""
 _TOO_FEW = 0.8
@@ -36,11 +40,12 @@ def report_of(model: Model, evaluations: Sequence[Evaluation]) -> Report:
     many = f"{len(evaluations)} traces" if len(evaluations) > 1 else "one trace"
     rmse = _pooled_rmse([each.metrics for each in evaluations])
     labels = trace_labels(evaluations)
+    seen = [label for label, each in zip(labels, evaluations) if each.overlaps_training]
     return Report(
         subject="Model evaluation",
         title=f"{model.name}: {rmse:.2f} degC off (RMSE) over {samples:,} samples of {many}",
         lead=[
-            *(_trained_on(label) for label, each in zip(labels, evaluations) if each.overlaps_training),
+            *(Finding(_SEEN.format(label), "warning") for label in seen),
             *_findings(evaluations, samples),
             Facts(_facts(model)),
         ],
@@ -59,14 +64,6 @@ def trace_labels(evaluations: Sequence[Evaluation]) -> list[str]:
     """A name for each trace: its file's, or the whole path where two files have the same name."""
     names = [os.path.basename(each.trace) for each in evaluations]
     return [name if names.count(name) == 1 else each.trace for name, each in zip(names, evaluations)]
-
-
-def _trained_on(label: str) -> Finding:
-    text = (
-        f"Not held out: the model was trained on samples of {label} that it is evaluated on here. "
-        "The figures are no measure of its error on other data."
-    )
-    return Finding(text, "warning")
 
 
 def _findings(evaluations: Sequence[Evaluation], samples: int) -> Iterator[Finding]:

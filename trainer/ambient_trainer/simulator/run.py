@@ -44,11 +44,6 @@ class Run:
     """Factor of the processor's demanded power."""
     unrecorded: int
 
-    @property
-    def samples(self) -> int:
-        """n."""
-        return len(self.air_degC)
-
 
 @dataclass(frozen=True)
 class Driven:
@@ -110,7 +105,8 @@ def integrate(
     """
     balance = HeatBalance([run.device for run in runs])
     additions = Additions(balance, added) if any(each.terms or each.links for each in added) else None
-    count = max(run.samples for run in runs)
+    lengths = [len(run.air_degC) for run in runs]
+    count = max(lengths)
     air = _stacked([run.air_degC for run in runs], count)
     activity = _stacked([run.activity for run in runs], count)
     burst = _stacked([run.burst for run in runs], count)
@@ -133,9 +129,9 @@ def integrate(
         if progress and k % _PROGRESS_EVERY == 0:
             progress(k, count)
     return [
-        Driven(run, each[:, :size], drives[: run.samples, 0, index], drives[: run.samples, 1, index], each[:, size:])
-        for index, run in enumerate(runs)
-        for each in (nodes[: run.samples, index],)
+        Driven(run, each[:, :size], drives[:n, 0, index], drives[:n, 1, index], each[:, size:])
+        for index, (run, n) in enumerate(zip(runs, lengths))
+        for each in (nodes[:n, index],)
     ]
 
 

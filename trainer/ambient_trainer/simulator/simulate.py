@@ -153,7 +153,7 @@ def trace_of(
         columns[device.battery.logs] = np.round(driven.current_A[kept], 3)
     if device.fan:
         columns[device.fan.logs] = np.round(HeatBalance([device]).fan_frac(driven.nodes_degC[kept]), 3)
-    time_s = np.round(np.arange(run.samples - run.unrecorded) * period_s, 6)
+    time_s = np.round(np.arange(len(run.air_degC) - run.unrecorded) * period_s, 6)
     # in an order that reveals nothing
     columns |= {name: values[kept] for name, values in sorted((signals or {}).items())}
     notes = {"simulated": "yes", "scenario": scenario, "seed": str(seed)}
@@ -181,7 +181,7 @@ def _planned(key: _Key, period_s: float, decoys: Sequence[str], device: Device) 
 
 def setting_of(run: Run, period_s: float) -> Setting:
     """Where an effect without a signal acts."""
-    time_s: Array = (np.arange(run.samples, dtype=np.float64) - run.unrecorded) * period_s
+    time_s: Array = (np.arange(len(run.air_degC), dtype=np.float64) - run.unrecorded) * period_s
     return Setting(run.device, time_s, period_s, {})
 
 
