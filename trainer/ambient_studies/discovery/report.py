@@ -177,10 +177,10 @@ def reliability_table(outcomes: Sequence[Outcome]) -> Table:
 def confusion_table(outcomes: Sequence[Outcome]) -> Table:
     """What each cause was taken for, one row each: a column for each would not fit a terminal."""
     rows = []
-    for name, counts in confusion(outcomes).iterrows():
+    for name, counts in confusion(outcomes).to_dict("index").items():
         wrong = sorted(((count, other) for other, count in counts.items() if other != name and count), reverse=True)
         taken = ", ".join(f"{other} {count}" for count, other in wrong) or "-"
-        rows.append((str(name), taken, str(counts.sum()), str(counts[name])))
+        rows.append((str(name), taken, str(sum(counts.values())), str(counts[name])))
     return Table("By the first cause named; its place not counted.", ("hidden", "taken for", "cases", "right"), rows, 2)
 
 
