@@ -6,9 +6,8 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from ambient_trainer.diagnosis.residual_tests import residual_memory_s, residual_tests
-from ambient_trainer.diagnosis.residual_tests.dependence import thresholds
-from ambient_trainer.diagnosis.residual_tests.memory import past, remembered, simulated, whitening
-from ambient_trainer.diagnosis.residual_tests.whiteness import autocorrelation, cumulated_periodogram, ljung_box
+from ambient_trainer.diagnosis.residual_tests.prewhitening import Largest, follows, shifted, whitening
+from ambient_trainer.diagnosis.residual_tests.whiteness import cumulated_periodogram, ljung_box
 
 WHITENESS = {"whiteness", "periodogram", "memory"}
 SENSORS = ("soc", "flash")
@@ -51,7 +50,6 @@ class World:
         return {(each.name, each.subject): each for each in self.tests() if each.significant}
 
 
-@pytest.mark.slow
 def test_residuals_that_only_remember_raise_few_alarms():
     memories = [(0.0, 0.0), (0.95, 0.0), (0.99, 0.0), (0.99, 0.1)]
     worlds = [World(seed, 400, *memories[seed % 4]) for seed in range(24)]
@@ -61,9 +59,8 @@ def test_residuals_that_only_remember_raise_few_alarms():
     assert sum(bool(names & WHITENESS) for names in found[::4]) <= 2
 
 
-@pytest.mark.slow
 def test_a_record_no_longer_than_its_memory_raises_few_alarms():
-    """Half white noise, half with a memory of 100 samples: held to its likeliest memory, 17 of these had one."""
+    """Half white noise, half with a memory of 100 samples: filtered by least squares, 15 of these had one."""
     found = [World(seed, 100, 0.99, 0.1).significant() for seed in range(30)]
     assert sum(any(name not in WHITENESS for name, _ in each) for each in found) <= 4
 
@@ -104,14 +101,11 @@ def test_what_was_planted_is_found(planted, name, subject):
     assert (name, subject) in found
     assert not {each for each in found if each[1].startswith("soc") and each[0] not in WHITENESS}
     if planted == "camera":
-        assert found[name, subject].sentence == (
-            "flash: the residual follows camera_on with a delay of about 5.0 min, "
-            f"by {found[name, subject].sentence.split(' by ')[1]}"
-        )
+        said = "flash: the residual follows camera_on with a delay of about 5.0 min, by "
+        assert found[name, subject].sentence.startswith(said)
+    if planted in ("camera", "drift"):
         size = float(found[name, subject].sentence.split(" by ")[1].split()[0])
         assert size == pytest.approx(3.0, rel=0.15)
-    if planted == "drift":
-        assert float(found[name, subject].sentence.split(" by ")[1].split()[0]) == pytest.approx(3.0, rel=0.15)
     if planted in ("step", "heat"):
         hours, minutes, seconds = map(int, found[name, subject].sentence.rstrip(".").split()[-1].split(":"))
         assert 3600 * hours + 60 * minutes + seconds == pytest.approx(3600, abs=90)
@@ -183,17 +177,9 @@ def test_the_periodogram_is_kolmogorovs(samples):
     assert "swings slower than" in said.sentence
 
 
-def test_memory_is_the_time_to_one_over_e_whitens_and_simulates_alike():
+def test_memory_is_the_time_to_one_over_e():
     series = remembering(np.exp(-1 / 20), (200_000,), np.random.default_rng(4))
     assert residual_memory_s(5.0 * np.arange(1200), series[:1200]) == pytest.approx(100.0, rel=0.2)
-    random = np.random.default_rng(5)
-    series = remembering(0.97, (1200,), random) + 0.5 * random.standard_normal(1200)
-    rows = remembered(series)
-    innovations = past(series[None], rows)[0] @ whitening(series[None], rows)[0]
-    assert not ljung_box(innovations, "", 0.01).significant
-    again = simulated(series, rows, 200, random)
-    rho = np.mean([autocorrelation(each)[0] for each in again], axis=0)
-    assert rho[1:41] == pytest.approx(autocorrelation(series)[0][1:41], abs=0.08)
 
 
 def test_a_long_residual_is_tested_by_means():
@@ -202,9 +188,23 @@ def test_a_long_residual_is_tested_by_means():
     assert residual_memory_s(time_s, values) == pytest.approx(residual_memory_s(time_s[::5], values[::5]), rel=0.01)
 
 
-def test_the_thresholds_hold_for_all_subjects_together():
-    random = np.random.default_rng(6)
-    scales = np.array([1.0, 3.0, 0.2, 1.0])
-    limits = np.array(thresholds([scale * np.abs(random.standard_normal(4000)) for scale in scales], 0.05))
-    # of four independent normal ones: the two-sided quantile of the Sidak level
-    assert limits / scales == pytest.approx(stats.norm.isf((1 - 0.95**0.25) / 2), rel=0.06)
+def test_what_is_followed_is_a_regression_of_what_is_whitened():
+    random = np.random.default_rng(5)
+    series = remembering(0.97, (1200,), random) + 0.5 * random.standard_normal(1200)
+    course, whiten = remembering(0.5, (1200,), random), whitening(series)
+    innovations = np.convolve(series, whiten, "valid")
+    assert not ljung_box(innovations, "", 0.01).significant
+    largest, _, _ = follows(series, whiten, course[None])
+    oracle = stats.linregress(np.convolve(course, whiten, "valid"), innovations)
+    assert stats.t.sf(largest.t, largest.free) == pytest.approx(oracle.pvalue / 2, rel=0.05)
+    assert Largest(0.0, 4, 10**6).threshold(0.05) == pytest.approx(stats.norm.isf(0.05 / 8), rel=1e-4)
+
+
+def test_a_shift_is_the_best_of_all_stretches_by_least_squares():
+    series = remembering(0.0, (132,), np.random.default_rng(2)) + 2.0 * (np.arange(132) >= 80)
+    largest, turns = shifted(series)
+    beside = np.column_stack([series[32 - lag : 132 - lag] for lag in range(1, 99 - largest.free)] + [np.ones(100)])
+    columns = (np.column_stack([beside, np.arange(100) >= start]) for start in range(4, 97))
+    without, *left = (np.linalg.lstsq(each, series[32:])[1][0] for each in (beside, *columns))
+    assert turns == [31 + 4 + int(np.argmin(left))]
+    assert largest.t**2 == pytest.approx((without / min(left) - 1) * largest.free)

@@ -249,9 +249,8 @@ def _effect_cells(each: Step | Ranked) -> tuple[str, ...]:
 def residual_tests_table(tests: Sequence[Tested]) -> Table:
     """One row a test, the significant ones first."""
     caption = (
-        "Thresholds: for whiteness and periodogram the textbook's; all others but memory are calibrated on simulated "
-        "residuals of the same autocorrelation, so that without any effect one report in 20 has any of them beyond "
-        "chance."
+        "Thresholds: the textbook's; all but those of whiteness, periodogram and memory hold for any autocorrelation, "
+        "and together, so that without any effect one report in 20 at most has any of them beyond chance."
     )
     columns = ("test", "subject", "result", "statistic", "threshold", "beyond chance")
     rows = [
