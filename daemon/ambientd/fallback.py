@@ -101,7 +101,7 @@ class FallbackTracker:
     ) -> None:
         self._main = _Member(model, model.main, period_s, level, coast_s)
         self._observer = _observer(model, self._main.tracker, level, coast_s)
-        self._validation = None if self._observer is None else self._observer.validation
+        self.validation = None if self._observer is None else self._observer.validation
         self._update_main = self._main.tracker.update if self._observer is None else self._observer.update
         self._update_usual = _usual_update(
             code or usual_code(model, period_s, level), self._main.tracker, self._observer
@@ -123,7 +123,7 @@ class FallbackTracker:
     @property
     def refused(self) -> dict[str, str]:
         """Why readings are refused, by the input's name."""
-        validation = self._validation
+        validation = self.validation
         if validation is None or not validation.refused:
             return _NONE_REFUSED
         inputs = self._main.tracker.estimator.inputs

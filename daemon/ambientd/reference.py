@@ -4,6 +4,9 @@ Both are files that are looked at once a second: another program writes the conf
 ``STATE.tell`` beside the state file. The file's modification time is the reading's. One reading counts per correlation
 time, while the status is ``tracking`` or ``degraded``, and never when it is older than configured. The answer to a
 submitted reading stands in the state file; then its file is removed.
+
+Sensors' own errors that are learnt go into the readings over an hour, a little each second, and into the estimate at
+once, as what they make of it at rest: a step in the readings would shake the filter.
 """
 
 import math
@@ -19,9 +22,13 @@ from ambient_model.unit_offset import (
     LEARNING,
     OffsetPrior,
     OffsetState,
+    SensorOffsets,
+    corrected,
     estimate_variance_degC2,
     initial,
+    learning_sensors,
     predicted,
+    sensors_updated,
     shifted,
     updated,
 )
@@ -29,6 +36,9 @@ from ambientd.notices import Notice
 from ambientd.sources.quantities import reference_degC
 
 if TYPE_CHECKING:
+    from ambient_model.model import Matrix, ReadingModel
+    from ambient_model.tracking import Readings
+    from ambient_model.validation import Validation
     from ambientd.settings import ReferenceSpec
 
 LARGEST_BYTES = 256
@@ -37,6 +47,8 @@ _POLL_S = 0.95
 _AHEAD_S = 5.0
 """How far a file's time may lie ahead of the clock."""
 _DAY_S = 86400.0
+_TAKEN_OFF_S = 3600.0
+"""Time constant with which sensors' errors that are learnt go into the readings."""
 
 
 class LastReference(NamedTuple):
@@ -58,6 +70,9 @@ class OffsetMemory(NamedTuple):
     counted_unix_s: float
     """Time of the last reading that counted; 0 before any."""
     last: LastReference | None
+    sensors_degC: tuple[float, ...] = ()
+    seen: int = 0
+    """Sensors' own errors, and how often they were seen."""
 
 
 class OffsetReport(NamedTuple):
@@ -96,15 +111,37 @@ class OffsetLearner:
         self._seen_ns: dict[str, int] = {}
         self._counted_unix_s = self._refused_unix_s = 0.0
         self._last: LastReference | None = None
+        self._sensors = SensorOffsets(())
+        self._taken_off: list[float] = []
+        """What is taken off the readings, which follows ``_sensors``; empty before anything is."""
+        self._gains: Matrix = ()
+        self._validation: Validation | None = None
         self.unsaved = False
         """Whether a reading has changed what :meth:`memory` holds."""
         self._note_report()
 
+    def learn_sensors(self, model: "ReadingModel", validation: "Validation") -> None:
+        """Learn sensors' own errors, too, from the differences that ``validation`` finds; before :meth:`restore`.
+
+        What is left for the offset is no more uncertain than these errors make the estimate.
+        """
+        if model.offset_gains:
+            self._gains, self._validation = model.offset_gains, validation
+            self._prior = learning_sensors(self._prior, model)
+            self._state = initial(self._prior)
+
+    def corrected(self, readings: "Readings") -> "Readings":
+        """The readings without the sensors' own errors."""
+        return corrected(readings, self._taken_off) if self._taken_off else readings
+
     def update(self, time_s: float, estimate: Estimate) -> Estimate:
         """The model's estimate at ``time_s``, moved by the offset, once the files have been looked at."""
         if not 0 <= time_s - self._polled_s < _POLL_S:
-            self._polled_s = time_s
+            passed_s, self._polled_s = min(time_s - self._polled_s, _DAY_S), time_s
             self._state = predicted(self._prior, self._state, time_s)
+            if self._taken_off and passed_s > 0:
+                a = -math.expm1(-passed_s / _TAKEN_OFF_S)
+                self._taken_off = [now + a * (o - now) for now, o in zip(self._taken_off, self._sensors.degC)]
             if (at_ns := self._changed(self._submitted)) is not None:
                 self._judge(self._submitted, "degC", at_ns, estimate)
                 self.unsaved = True
@@ -115,19 +152,37 @@ class OffsetLearner:
                     counted = self._judge(self._spec.path, self._spec.unit, at_ns, estimate)
                     self.unsaved = self.unsaved or counted
             self._note_report()
-        return shifted(estimate, self._state.offset_degC)
+        return shifted(estimate, self._report.offset_degC)
 
     def report(self) -> OffsetReport:
         """What is published of it; the same object until the files are looked at again."""
         return self._report
 
     def _note_report(self) -> None:
-        self._report = OffsetReport(self._state.offset_degC, math.sqrt(self._state.variance_degC2), self._last)
+        offset_degC = self._state.offset_degC + self._ahead_degC(self._sensors)
+        self._report = OffsetReport(offset_degC, math.sqrt(self._state.variance_degC2), self._last)
+
+    def _ahead_degC(self, sensors: SensorOffsets) -> float:
+        """What the estimate changes by, at rest, until these are taken off the readings."""
+        if self._validation is None:
+            return 0.0
+        changes = [now - each for now, each in zip(self._taken_off, sensors.degC)]
+        return sum([gain * change for gain, change in zip(self._validation.gains, changes)])
+
+    def _seen(self) -> SensorOffsets:
+        """Sensors' errors after another look at the differences, where there are any to be had."""
+        if self._validation is None:
+            return self._sensors
+        self._taken_off = self._taken_off or [0.0] * len(self._gains)
+        slow_degC = self._validation.slow_differences(self._taken_off)
+        before = self._sensors if self._sensors.degC else SensorOffsets((0.0,) * len(self._gains))
+        return before if slow_degC is None else sensors_updated(self._prior, before, self._gains, slow_degC)
 
     def memory(self, now_s: float) -> OffsetMemory:
         """Its state at ``now_s`` on the clock of the samples, for :meth:`restore`."""
         b, P, time_s = self._state
-        return OffsetMemory(b, P, self._wall_s() - max(0.0, now_s - time_s), self._counted_unix_s, self._last)
+        unix_s = self._wall_s() - max(0.0, now_s - time_s)
+        return OffsetMemory(b, P, unix_s, self._counted_unix_s, self._last, *self._sensors)
 
     def restore(self, memory: OffsetMemory, now_s: float) -> None:
         """Continue from ``memory``, as far as the configuration lets it."""
@@ -136,6 +191,9 @@ class OffsetLearner:
         P = min(max(memory.variance_degC2, 0.0), self._prior.std_degC**2)
         self._state = predicted(self._prior, OffsetState(b, P, now_s - passed_s), now_s)
         self._counted_unix_s, self._last = memory.counted_unix_s, memory.last
+        if self._gains and len(memory.sensors_degC) == len(self._gains):
+            self._sensors = SensorOffsets(tuple([min(max(o, -most), most) for o in memory.sensors_degC]), memory.seen)
+            self._taken_off = [*self._sensors.degC]
         self._note_report()
 
     def saved(self) -> None:
@@ -192,13 +250,14 @@ class OffsetLearner:
         if self._too_soon(unix_s, self._counted_unix_s):
             gap_s = unix_s - self._counted_unix_s
             raise ValueError(f"another counted {gap_s:.0f} s before, and one counts per {self._spec.correlation_s:g} s")
-        y = value_degC - estimate.ambient_degC
+        sensors = self._seen()
+        y = value_degC - estimate.ambient_degC - self._ahead_degC(sensors)
         R = sigma_degC**2 + estimate_variance_degC2(estimate, self._level, self._prior.std_degC**2)
         after = updated(self._prior, self._state, y, R)
         if after is None:
             raise ValueError(
                 f"{value_degC:g} degC is {y - self._state.offset_degC:+.1f} degC from the estimate, more than 3 sigma"
             )
-        self._state = after
+        self._state, self._sensors = after, sensors
         std = math.sqrt(after.variance_degC2)
         return f"{value_degC:g} +- {sigma_degC:g} degC: the offset is {after.offset_degC:+.2f} +- {std:.2f} degC"

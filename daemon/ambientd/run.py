@@ -85,6 +85,8 @@ def _opened(prepared: Prepared, waiter: Waiter) -> _Work:
             from ambientd.reference import OffsetLearner
 
             learner = OffsetLearner(settings.reference, settings.level_percent, settings.state.path, log)
+            if model.readings is not None and tracker.validation is not None:
+                learner.learn_sensors(model.readings, tracker.validation)
         state = StateFile(settings.state, identity, log, learner)
     return _Work(settings, model, tracker, open_sensors(settings, model, log, waiter.set_alarm), state, learner)
 

@@ -42,10 +42,11 @@ class Service:
     def tick(self, sample: "Sample", missed_ticks: int = 0, clock_steps_back: int = 0) -> Estimate:
         """One round; the estimate that was published."""
         time_s, raw = sample
-        estimate = self._tracker.update(time_s, raw)
         learner, offset = self._learner, None
-        if learner is not None:
-            estimate = learner.update(time_s, estimate)
+        if learner is None:
+            estimate = self._tracker.update(time_s, raw)
+        else:
+            estimate = learner.update(time_s, self._tracker.update(time_s, learner.corrected(raw)))
             offset = learner.report()
         if estimate.status in ALL_INPUTS:
             self._fresh_s = time_s

@@ -177,11 +177,20 @@ def _snapshot(period_s: Any, start_s: Any, step: Any, x: Any, u: Any) -> Snapsho
     )
 
 
-def _offset(offset_degC: Any, variance_degC2: Any, unix_s: Any, counted_unix_s: Any, last: Any) -> "OffsetMemory":
+def _offset(
+    offset_degC: Any,
+    variance_degC2: Any,
+    unix_s: Any,
+    counted_unix_s: Any,
+    last: Any,
+    sensors_degC: Any = (),
+    seen: Any = 0,
+) -> "OffsetMemory":
     from ambientd.reference import OffsetMemory
 
     numbers = [_number(each) for each in (offset_degC, variance_degC2, unix_s, counted_unix_s)]
-    return OffsetMemory(numbers[0], numbers[1], numbers[2], numbers[3], None if last is None else _last(**last))
+    sensors, reference = tuple([_number(each) for each in sensors_degC]), None if last is None else _last(**last)
+    return OffsetMemory(numbers[0], numbers[1], numbers[2], numbers[3], reference, sensors, _count(seen))
 
 
 def _last(unix_s: Any, degC: Any, sigma_degC: Any, counted: Any, outcome: Any) -> "LastReference":

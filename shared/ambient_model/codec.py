@@ -122,6 +122,8 @@ def encode(model: Model) -> str:
         }
     if model.readings is not None:
         data["readings"] = {**model.readings._asdict(), "sensors": [each._asdict() for each in model.readings.sensors]}
+        if not model.readings.offset_gains:  # a file from before it keeps its text, by which a device knows it
+            del data["readings"]["offset_gains"], data["readings"]["offset_std_degC"]
     return json.dumps(data, indent=1) + "\n"
 
 
@@ -428,14 +430,14 @@ class _Reading:
         )
 
     def readings(self, value: Any) -> ReadingModel:
-        data = self.record("readings", value, ReadingModel._fields[:-1], ReadingModel._fields[-1:])
+        data = self.record("readings", value, ReadingModel._fields[:-3], ReadingModel._fields[-3:])
         sensors = tuple(
             self.limits(where, each) for where, each in self.each("readings.sensors", data.get("sensors"), _MOST_INPUTS)
         )
         lags_s = tuple(
             self.positive(where, each) for where, each in self.each("readings.lags_s", data.get("lags_s"), _MOST_LAGS)
         )
-        size = len(sensors) * (1 + len(lags_s))
+        size, gains = len(sensors) * (1 + len(lags_s)), data.get("offset_gains")
         before = len(self.faults)
         precision = self.matrix("readings.precision", data.get("precision"), size, size)
         if len(self.faults) == before and not is_positive_definite(precision):
@@ -453,6 +455,8 @@ class _Reading:
                 self.matrix(where, each, None, len(sensors))
                 for where, each in self.each("readings.starts", data.get("starts", []), 2)
             ),
+            offset_gains=self.matrix("readings.offset_gains", gains, len(sensors), len(sensors)) if gains else (),
+            offset_std_degC=self.not_negative("readings.offset_std_degC", data.get("offset_std_degC", 0.0)),
         )
 
     def limits(self, place: str, value: Any) -> SensorLimits:

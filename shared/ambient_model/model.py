@@ -138,6 +138,10 @@ class ReadingModel(NamedTuple):
     """The fastest change of the ambient that is published."""
     starts: tuple[Matrix, ...] = ()
     """The expected state per unit of the first readings, in place of X0: the main estimator's, the secondary one's."""
+    offset_gains: Matrix = ()
+    """By what factors the slow differences of all readings make each sensor's own constant error."""
+    offset_std_degC: float = 0.0
+    """Standard deviation of what these errors make of the estimate at rest, from unit to unit; 0 where not known."""
 
 
 class Conformance(NamedTuple):

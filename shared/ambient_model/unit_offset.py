@@ -6,13 +6,20 @@
 b is a stationary Ornstein-Uhlenbeck process: without references it returns to 0 +- std. A reference is refused where
 |y - b| > 3 sqrt(P + min(R, (2 degC)^2)): one that claims a large sigma is not accepted further off for that. b stays
 within the bound whatever is accepted. Only the offset is estimated, not the gain. It knows no clock.
+
+Where the model file holds ``offset_gains``, sensors' own constant errors are taken off the readings before all else.
+They are learnt when a reference is accepted, from how far each reading differs from what the others make expect; what
+the reference says has no part in it. The offset b is what they leave.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from ambient_model.model import SCORES
-from ambient_model.tracking import DEGRADED, TRACKING, Estimate
+from ambient_model.model import SCORES, Matrix, ReadingModel
+from ambient_model.recursion import dot
+from ambient_model.tracking import DEGRADED, TRACKING, Estimate, Readings
+from ambient_model.validation import SENTINELS_DEGC
 
 LEARNING = (TRACKING, DEGRADED)
 """Statuses in which a reference counts. On another unit than the trained one, whose sensors are off by tenths, two
@@ -20,6 +27,8 @@ thirds of the samples at rest are degraded; the interval is wider then, and the 
 
 _GATE_SIGMAS = 3.0
 _MOST_GATED_DEGC2 = 4.0
+_MOST_SEEN = 28
+"""Sensors' errors are forgotten as slowly as the offset where one reference counts a day."""
 
 
 class OffsetPrior(NamedTuple):
@@ -60,6 +69,40 @@ def updated(prior: OffsetPrior, state: OffsetState, y_degC: float, R_degC2: floa
     gain = P / (P + R_degC2)
     b += gain * (y_degC - b)
     return OffsetState(min(max(b, -prior.bound_degC), prior.bound_degC), (1 - gain) * P, time_s)
+
+
+def learning_sensors(prior: OffsetPrior, model: ReadingModel) -> OffsetPrior:
+    """The prior where sensors' own errors are learnt: no wider than what they make of the estimate."""
+    return prior._replace(std_degC=min(prior.std_degC, model.offset_std_degC or math.inf))
+
+
+class SensorOffsets(NamedTuple):
+    """Each sensor's own constant error: the mean of what was seen so many times, of late."""
+
+    degC: tuple[float, ...]
+    seen: int = 0
+
+
+def sensors_updated(
+    prior: OffsetPrior, sensors: SensorOffsets, gains: Matrix, slow_degC: Sequence[float]
+) -> SensorOffsets:
+    """After the slow differences ``slow_degC`` that readings as they come would have, of which ``gains`` make offsets.
+
+    Where they make one beyond the bound, heat makes the difference, and nothing is learnt.
+    """
+    found = [dot(row, slow_degC) for row in gains]
+    if not all([abs(each) <= prior.bound_degC for each in found]):
+        return sensors
+    seen = min(sensors.seen + 1, _MOST_SEEN)
+    return SensorOffsets(tuple([mean + (each - mean) / seen for mean, each in zip(sensors.degC, found)]), seen)
+
+
+def corrected(readings: Readings, offsets_degC: Sequence[float]) -> list[float | None]:
+    """The readings without the sensors' own errors; what a sensor reports where it has no value is left as it is."""
+    return [
+        value if value is None or value in SENTINELS_DEGC else value - offset
+        for value, offset in zip(readings, offsets_degC)
+    ]
 
 
 def estimate_variance_degC2(estimate: Estimate, level_percent: int, offset_degC2: float = 0.0) -> float:

@@ -40,6 +40,8 @@ SLOW_S = 600.0
 _SHORT_GAP = 0.5
 """A gap up to this share of what is bridged, 15 s or 5 periods, leaves status and interval as they are."""
 _STARTING_S = 600.0
+_OFFSETS_S = 2 * SLOW_S
+"""Slow differences start from 0: so long after a start they hold most of what they will."""
 _STARTING_SLACK = 3.0
 """Gates are so much wider until the low-pass filters have left their start, which is an equilibrium."""
 _AGREE_S, _AGREE_PERIODS = 10.0, 10
@@ -138,7 +140,7 @@ class Validation:
         columns = [[float(row == column) for row in range(count)] for column in range(count)]
         states = [equilibrium(estimator.initial, column) for column in columns]
         first = estimator.discrete[0]
-        self._gains = [sum(map(mul, first.C[0], x)) + direct for x, direct in zip(states, first.D[0])]
+        self.gains = [sum(map(mul, first.C[0], x)) + direct for x, direct in zip(states, first.D[0])]
         """DC gain of the estimate per input."""
         low, high = estimator.interval[90]
         self._usual_degC2 = ((high - low) / 2 / SCORES[90]) ** 2
@@ -350,8 +352,8 @@ class Validation:
         variance = 0.0
         for i in self._apart:
             entries, covariances = self._covariances(self._apart, i)
-            shares = [self._gains[j] * self._tails[j] * covariances[entries.index(j)] for j in self._apart]
-            variance += self._gains[i] * self._tails[i] * sum(shares)
+            shares = [self.gains[j] * self._tails[j] * covariances[entries.index(j)] for j in self._apart]
+            variance += self.gains[i] * self._tails[i] * sum(shares)
         return max(variance, 0.0)
 
     def _set_apart(self, apart: Sensors) -> None:
@@ -366,7 +368,20 @@ class Validation:
     def usual(self) -> list[tuple[float, list[float], float]]:
         """Constant, weights of z and DC gain of each sensor while nothing is set aside."""
         found = [self._expectation(_NONE, i) for i in range(self._count)]
-        return [(each.constant, each.weights, gain) for each, gain in zip(found, self._gains)]
+        return [(each.constant, each.weights, gain) for each, gain in zip(found, self.gains)]
+
+    def slow_differences(self, offsets_degC: Sequence[float]) -> list[float] | None:
+        """The low-pass filtered difference of each reading, had these constants not been taken off the readings.
+
+        None where a sensor is set aside or coarser than in training, and until the start has been forgotten.
+        """
+        if not self._begun or self._apart or any(self._steps) or self._time_s - self._start_s < _OFFSETS_S:
+            return None
+        offsets = [*offsets_degC] * (len(self._model.mean) // self._count)
+        return [
+            slow + own - dot(weights, offsets)
+            for (_, weights, _), slow, own in zip(self.usual(), self._slow, offsets_degC)
+        ]
 
     # Samples
 
@@ -459,7 +474,7 @@ class Validation:
                 if value in SENTINELS_DEGC and self._still[i][1] != value:
                     jumped.append(i)
                 if not -gate <= d <= gate:
-                    doubt_degC2 = max(doubt_degC2, (self._gains[i] * d) ** 2)
+                    doubt_degC2 = max(doubt_degC2, (self.gains[i] * d) ** 2)
                     if i in self._apart:
                         returned.append(i)
             if self._has_jumped(i, value, d, passed_s):
@@ -467,7 +482,7 @@ class Validation:
             has_turned = has_turned or 0 < self._model.sensors[i].turn < abs(d - self._last[i])
             slow = self._slow[i]
             if not -slow_gate <= slow <= slow_gate:
-                doubt_degC2 = max(doubt_degC2, (self._gains[i] * slow) ** 2)
+                doubt_degC2 = max(doubt_degC2, (self.gains[i] * slow) ** 2)
         if doubt_degC2:
             self._doubt_degC2, self._doubt_s = doubt_degC2, self._time_s
         # what jumps moves the expectations of the others
@@ -581,7 +596,7 @@ class Validation:
             gate = self._expectation(self._apart, i).gate
             # no step is read where many are due: doubted before its difference is as large as heat may make it
             if abs(moved) > max(gate / 2, expectation.std):
-                self._doubt_degC2, self._doubt_s = (self._gains[i] * moved) ** 2, self._time_s
+                self._doubt_degC2, self._doubt_s = (self.gains[i] * moved) ** 2, self._time_s
             if long and abs(moved) > max(gate, 2 * expectation.std):
                 self._refuse([i], readings)
                 self.refused[i].used += moved
@@ -617,7 +632,7 @@ class Validation:
             few = 2 * len(absent | self._apart) > self._count
             z[i] = read_z[i] if few else read_z[i] + moved
             if abs(moved) > std:
-                doubt_degC2 = max(doubt_degC2, (self._gains[i] * (moved if few else std)) ** 2)
+                doubt_degC2 = max(doubt_degC2, (self.gains[i] * (moved if few else std)) ** 2)
         if doubt_degC2 > self._usual_degC2:
             recent_degC2 = self._doubt_degC2 if self._time_s - self._doubt_s <= DOUBT_S else 0.0
             self._doubt_degC2, self._doubt_s = max(doubt_degC2, recent_degC2), self._time_s

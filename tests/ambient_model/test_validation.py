@@ -73,7 +73,9 @@ def test_a_file_keeps_the_key(model: Model) -> None:
     text = re.sub(r',\s*"(starts|turn|start)": (\[\]|0\.0)', "", encode(model))
     assert not re.search(r'"(turn|start)"', text)
     assert decode(text.encode(), "model") == model
-    limited = model._replace(readings=model.readings._replace(sensors=(LIMITS._replace(turn=1.5, start=7.0),) * 4))
+    sensors = (LIMITS._replace(turn=1.5, start=7.0),) * 4
+    later = model.readings._replace(sensors=sensors, offset_gains=((0.5,) * 4,) * 4, offset_std_degC=0.2)
+    limited = model._replace(readings=later)
     assert decode(encode(limited).encode(), "model") == limited
 
 
@@ -82,6 +84,7 @@ def test_a_file_keeps_the_key(model: Model) -> None:
     [
         *[("precision", ((1.0, 2.0, *(0.0,) * 6),) * 8), ("jump_s", 0.0), ("lags_s", (-1.0,))],
         *[("starts", (((0.25,) * 3,),)), ("starts", (((0.25,) * 4,),)), ("starts", ((), ()))],
+        ("offset_gains", ((0.5,) * 4,) * 3),
     ],
 )
 def test_a_wrong_key_is_refused_by_its_place(model: Model, wrong: str, value: object) -> None:

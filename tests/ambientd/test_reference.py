@@ -10,11 +10,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ambient_model.conformance import conformance_of
+from ambient_model.model import ReadingModel, SensorLimits
 from ambient_model.tracking import TRACKING, WARMING_UP, Estimate
-from ambientd.fallback import FallbackState
+from ambientd.fallback import FallbackState, FallbackTracker
 from ambientd.publish.prometheus import exposition
 from ambientd.reference import OffsetLearner, submission_path
 from ambientd.report import Report
+from ambientd.service import Service
 from ambientd.settings import ReferenceSpec
 from ambientd.sources.quantities import reference_degC
 from ambientd.state import State, decode, encode
@@ -157,6 +159,52 @@ def test_a_told_reading_is_answered_and_removed_once_it_is_saved(device, tmp_pat
     assert WARMING_UP in device.learner.memory(device.now_s).last.outcome
     device.learner.saved()
     assert not told.exists()
+
+
+class Pair(Device):
+    """Two sensors of one temperature, each expected where the other is."""
+
+    def __init__(self, folder, make_model):
+        super().__init__(folder)
+        # readings and low-pass filters follow one temperature of 10 degC's deviation, each with noise of 0.1
+        precision = tuple(tuple(100.0 * (i == j) - 24.99937502 for j in range(4)) for i in range(4))
+        limits = SensorLimits(0.1, 9.0, 9.0, 9.0, 1e6, 60.0, 0.2)
+        about = (60.0,), (25.0,) * 4, precision, (limits,) * 2, 1.0, 0.0, (-20.0, 70.0), 5.0, ()
+        readings = ReadingModel(*about, ((0.25, -0.25), (-0.25, 0.25)), 0.2)
+        self.tracker = FallbackTracker(make_model()._replace(readings=readings, fallbacks={}), 1.0)
+        self.learner.learn_sensors(readings, self.tracker.validation)
+        self.service = Service(make_model(), 90, self.tracker, lambda report: None, self.learner)
+
+    def ticks(self, count, *readings):
+        for _ in range(count):
+            self.now_s, self.unix_s = self.now_s + 1, self.unix_s + 1
+            shown = self.service.tick((self.now_s, [*readings]))
+        return shown
+
+    def told(self, *readings, passed_s=8 * 3600):
+        before = self.ticks(1500, *readings)
+        self.write(b"22 20")  # so unsure that it says nothing itself
+        return before, self.ticks(1, *readings), self.ticks(passed_s, *readings)
+
+
+def test_sensors_own_errors_are_learnt_from_their_differences_when_a_reading_counts(tmp_path, make_model):
+    device, own = Pair(tmp_path, make_model), 0.3 * (1 - math.exp(-1500 / 600))
+    before, at_once, later = device.told(25.3, 24.7)
+    assert device.learner.report().std_degC == pytest.approx(0.2, rel=1e-2)
+    assert before.used == at_once.used == (25.3, 24.7)
+    # gains of 0.2 and 0.8 at rest
+    assert at_once.ambient_degC - before.ambient_degC == pytest.approx(0.6 * own, abs=2e-3)
+    assert later.used == pytest.approx((25.3 - own, 24.7 + own), abs=2e-3)
+    assert later.ambient_degC == pytest.approx(at_once.ambient_degC, abs=2e-3), "over hours, without a step"
+    memory, after = device.learner.memory(device.now_s), Pair(tmp_path, make_model)
+    state = State("model", "boot", device.now_s, FallbackState((None,), 0, 0.0, None, 0.0), memory)
+    assert decode(encode(state)) == state
+    after.learner.restore(memory, after.now_s)
+    assert after.learner.corrected([25.3, 85.0]) == pytest.approx([25.3 - own, 85.0], abs=2e-3)
+    heat = Pair(tmp_path, make_model)
+    heat.file.unlink()
+    heat.told(28.0, 24.0, passed_s=1)
+    assert heat.learner.memory(heat.now_s).sensors_degC == (0.0, 0.0), "no sensor is off by so much"
 
 
 def test_a_scraper_is_shown_it(device, make_model):

@@ -7,20 +7,33 @@ readings.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from joblib import delayed
 from threadpoolctl import threadpool_limits
 
 from ambient_model.model import Model
-from ambient_model.tracking import Estimate
-from ambient_model.unit_offset import LEARNING, OffsetPrior, estimate_variance_degC2, initial, predicted, updated
+from ambient_model.observer import Observer
+from ambient_model.tracking import Estimate, Tracker, nearest_discrete
+from ambient_model.unit_offset import (
+    LEARNING,
+    OffsetPrior,
+    SensorOffsets,
+    estimate_variance_degC2,
+    initial,
+    learning_sensors,
+    predicted,
+    sensors_updated,
+    updated,
+)
+from ambient_model.validation import Validation
 from ambient_studies import Progress
 from ambient_studies.mitigation.loop import phone_zones
-from ambient_trainer.data import Trace
+from ambient_trainer.data import Trace, sampling_period_s
 from ambient_trainer.estimation import results, workers
-from ambient_trainer.evaluation import Evaluation, correction, evaluate_trace
+from ambient_trainer.evaluation import correction, evaluate_trace
 from ambient_trainer.simulator import (
     Scenario,
     Step,
@@ -57,26 +70,56 @@ _DAY_S = 86400.0
 _LEVEL_PERCENT = 90
 
 
-def learnt(number: int, seed: int, days: Sequence[Evaluation], lie_degC: float = 0.0) -> list[float]:
-    """The offset in degC after each day of a unit that rests, one run a day.
+class Learnt(NamedTuple):
+    """What a unit has learnt: the offset of its estimate, and of each sensor where the model determines them."""
+
+    offset_degC: float
+    sensors_degC: tuple[float, ...]
+
+
+def learnt(model: Model, number: int, seed: int, days: Sequence[Trace], lie_degC: float = 0.0) -> list[Learnt]:
+    """What a unit that rests has learnt after each day, one run a day.
 
     A reading at a random moment of the last ten minutes is the ambient, a normal error of ``READING_SIGMA_DEGC``, and
     ``lie_degC``. It counts as on the device: in the same statuses, and within the gate.
     """
     random, prior = stream(seed, f"unit {number} readings"), OffsetPrior()
-    state, offsets = initial(prior), []
-    for day, run in enumerate(days):
-        first = int(np.searchsorted(run.time_s, 60 * ON_BEFORE_MIN))
-        at = int(random.integers(first, len(run.time_s)))
-        reading_degC = run.reference_degC[at] + random.normal(0.0, READING_SIGMA_DEGC) + lie_degC
+    gains = model.readings.offset_gains if model.readings else ()
+    if model.readings and gains:
+        prior = learning_sensors(prior, model.readings)
+    state, sensors, found = initial(prior), SensorOffsets((0.0,) * len(model.main.inputs)), []
+    for day, trace in enumerate(days):
+        first = int(np.searchsorted(trace.time_s, 60 * ON_BEFORE_MIN))
+        at = int(random.integers(first, len(trace.time_s)))
+        reading_degC = trace.reference[at] + random.normal(0.0, READING_SIGMA_DEGC) + lie_degC
         state = predicted(prior, state, day * _DAY_S)
-        if run.status[at] in LEARNING:
-            y, low, high = (float(each[at]) for each in (run.estimate_degC, run.low_degC, run.high_degC))
-            estimate = Estimate(y, low, high, str(run.status[at]), ())
+        estimate, validation = _at(model, _without(model, trace, sensors.degC), at)
+        if estimate.status in LEARNING and estimate.ambient_degC is not None:
+            seen, y = sensors, reading_degC - estimate.ambient_degC
+            if gains and validation and (slow_degC := validation.slow_differences(sensors.degC)):
+                seen = sensors_updated(prior, sensors, gains, slow_degC)
+                y += float(np.dot(validation.gains, np.subtract(seen.degC, sensors.degC)))
             R = READING_SIGMA_DEGC**2 + estimate_variance_degC2(estimate, _LEVEL_PERCENT, prior.std_degC**2)
-            state = updated(prior, state, reading_degC - y, R) or state
-        offsets.append(state.offset_degC)
-    return offsets
+            after = updated(prior, state, y, R)
+            state, sensors = (state, sensors) if after is None else (after, seen)
+        found.append(Learnt(state.offset_degC, sensors.degC))
+    return found
+
+
+def _at(model: Model, trace: Trace, sample: int) -> tuple[Estimate, Validation | None]:
+    """The estimate at that sample, and the validation as it is then."""
+    discrete = nearest_discrete(model.main, sampling_period_s(trace.time_s))
+    observer = Observer(model, Tracker(model.main, discrete, _LEVEL_PERCENT), _LEVEL_PERCENT)
+    readings = np.column_stack([trace.columns[each.column] for each in model.main.inputs])[: sample + 1]
+    for time_s, row in zip(trace.time_s.tolist(), readings.tolist()):
+        estimate = observer.update(time_s, row)
+    return estimate, observer.validation
+
+
+def _without(model: Model, trace: Trace, offsets_degC: Sequence[float]) -> Trace:
+    """The trace without the sensors' own errors."""
+    moved = {each.column: trace.columns[each.column] - offset for each, offset in zip(model.main.inputs, offsets_degC)}
+    return replace(trace, columns={**trace.columns, **moved})
 
 
 _AT_ONCE = 5
@@ -199,31 +242,32 @@ def _runs(unit: Unit, plan: Plan) -> list[UnitRun]:
 def _one(model: Model, number: int, seed: int, runs: Sequence[UnitRun], logged: Sequence[Trace]) -> ScoredUnit:
     found = correction.correction(model, correction.known_between(logged[0], 60 * ON_BEFORE_MIN, None))
     improved = correction.corrected(model, found, {"trace": CALIBRATION})
-    days = [evaluate_trace(model, trace) for trace in logged[1 : DAYS + 1]]
-    learnt_degC = learnt(number, seed, days)[-1]
-    lied_degC = max(map(abs, learnt(number, seed, days, LIE_DEGC)))
+    week = learnt(model, number, seed, logged[1 : DAYS + 1])[-1]
+    lied_degC = max(abs(each.offset_degC) for each in learnt(model, number, seed, logged[1 : DAYS + 1], LIE_DEGC))
     scored = zip(runs[DAYS + 1 :], logged[DAYS + 1 :])
-    scores = [_score(run, model, improved, trace, learnt_degC) for run, trace in scored]
-    return ScoredUnit(number, found.offsets_degC[correction.MAIN], tuple(scores), learnt_degC, lied_degC)
+    scores = [_score(run, model, improved, trace, week) for run, trace in scored]
+    return ScoredUnit(number, found.offsets_degC[correction.MAIN], tuple(scores), week.offset_degC, lied_degC)
 
 
-def _score(run: UnitRun, model: Model, improved: Model, trace: Trace, learnt_degC: float) -> Score:
+def _score(run: UnitRun, model: Model, improved: Model, trace: Trace, week: Learnt) -> Score:
     before, after = evaluate_trace(model, trace), evaluate_trace(improved, trace)
-    bias_degC, known = before.metrics.mbe_degC, np.isfinite(before.error_degC)
+    learning = evaluate_trace(model, _without(model, trace, week.sensors_degC))
+    metrics, known = learning.metrics, np.isfinite(learning.error_degC)
+    bias_degC = metrics.mbe_degC - week.offset_degC
     # in the published interval, once it is moved by the offset
-    moved_degC = before.reference_degC[known] - learnt_degC
-    inside = (before.low_degC[known] <= moved_degC) & (moved_degC <= before.high_degC[known])
+    moved_degC = learning.reference_degC[known] - week.offset_degC
+    inside = (learning.low_degC[known] <= moved_degC) & (moved_degC <= learning.high_degC[known])
     return Score(
         run.scenario,
         run.cased,
         before.metrics.rmse_degC,
-        bias_degC,
+        before.metrics.mbe_degC,
         before.metrics.sigma_degC,
         100 * before.coverage[90],
         after.metrics.rmse_degC,
         after.metrics.mbe_degC,
         100 * after.coverage[90],
-        math.sqrt(before.metrics.rmse_degC**2 - bias_degC**2 + (bias_degC - learnt_degC) ** 2),
-        bias_degC - learnt_degC,
+        math.sqrt(metrics.rmse_degC**2 - metrics.mbe_degC**2 + bias_degC**2),
+        bias_degC,
         100 * float(np.mean(inside)),
     )

@@ -66,9 +66,8 @@ def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
     estimates = [response_degC(fit.system, fit.hold, run, period_s) for run in runs]
     reference = np.concatenate([trace.column(REFERENCE) for trace in traces])
     rate = max(np.abs(each[stride:] - each[:-stride]).max() for each in estimates) / (stride * period_s)
-    both = [fit, *([fit.secondary.fit] if fit.secondary else [])]
     unsure = np.hypot(ridge * noise, _START_OFFSET_DEGC)
-    starts = [_expected_start(each, runs, period_s, unsure) for each in both]
+    starts = [_expected_start(each, runs, period_s, unsure) for each in (fit, *(fit.secondary or [])[:1])]
     at_rest = [np.column_stack([np.ones(run.shape[1]), np.tile(run.T, 1 + len(chosen.lags_s))]) for run in runs]
     apart = np.concatenate([_differences(each, count, mean, precision) for each in at_rest])
     sensors = zip(
@@ -90,6 +89,8 @@ def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
         output=(float(np.nanmin(reference)) - _OUTPUT_MARGIN_K, float(np.nanmax(reference)) + _OUTPUT_MARGIN_K),
         rate_K_per_s=float(_RATE_MARGIN * rate),
         starts=tuple(map(matrix, starts)),
+        offset_gains=matrix(_offset_gains(np.concatenate(slowly), precision)) if count > 1 else (),
+        offset_std_degC=_START_OFFSET_DEGC * max(1.0, float(np.linalg.norm(fit.dc_gains))),
     )
 
 
@@ -143,6 +144,14 @@ def _differences(table: Array, count: int, mean: Array, precision: Array) -> Arr
     """Differences (N, m) of the readings of a table to what the distribution makes expect."""
     centred = table[:, 1:] - mean
     return np.asarray(centred[:, :count] - centred @ np.array([_weights(precision, count, i) for i in range(count)]).T)
+
+
+def _offset_gains(slow: Array, precision: Array) -> Array:
+    """The regression (m, m) of constant errors on slow differences, which without them vary as ``slow`` (N, m)."""
+    count = slow.shape[1]
+    weights = np.array([_weights(precision, count, i) for i in range(count)])
+    effect = _START_OFFSET_DEGC * (np.eye(count) - weights.reshape(count, -1, count).sum(axis=1))
+    return np.asarray(_START_OFFSET_DEGC * effect.T @ np.linalg.inv(effect @ effect.T + slow.T @ slow / len(slow)))
 
 
 def _turns_K(tables: Sequence[Array], count: int, stride: int, mean: Array, precision: Array) -> list[float]:
@@ -219,8 +228,6 @@ def _settled_s(fit: Fit, runs: Sequence[Array], period_s: float, start: Array) -
     A start at any training sample errs by d, and after k periods the estimate by C A^k d more than its usual error.
     """
     discrete = discretised(fit.system, period_s, fit.hold)
-    if not len(discrete.A):
-        return 0.0
     apart = _apart(fit, runs, period_s, start)
     random = np.random.default_rng(0)
     starts = apart[:, random.integers(apart.shape[1], size=_STARTS)]

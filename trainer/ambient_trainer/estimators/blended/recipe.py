@@ -40,7 +40,6 @@ _NotNegative = Annotated[float, Field(ge=0, le=1e9)]
 _Share = Annotated[float, Field(gt=0, lt=1)]
 _Span = Annotated[tuple[float, float], AfterValidator(_increasing)]
 _PositiveSpan = Annotated[tuple[_Positive, _Positive], AfterValidator(_increasing)]
-_Watts = Annotated[dict[_Name, _Positive], Field(min_length=1)]
 _Signals = Annotated[dict[_Column, float], Field(min_length=1)]
 _Parts = dict[_Name, _NotNegative]
 _Runs = Annotated[int, Field(ge=1, le=20)]
@@ -109,7 +108,7 @@ class Synthetic(Strict):
 
 
 class _Pattern(Strict):  # variants of the heat of one use, in W per node; ``alone`` on a device that does nothing else
-    watts: Annotated[tuple[_Watts, ...], Field(min_length=1)]
+    watts: Annotated[tuple[Annotated[dict[_Name, _Positive], Field(min_length=1)], ...], Field(min_length=1)]
     alone: bool = False
 
 

@@ -121,12 +121,6 @@ class RandomWalkAmbient(Structure):
                 A[i, j] += rate / C[i]
         return A, np.diag(np.append(q, self.walk) ** 2), r**2
 
-    def struck_out(self, theta: Array, dropped: int) -> dict[str, float]:
-        """theta by name, as it is for the circuit without a node: its capacities in terms of its own first one."""
-        known = dict(zip(self.names, theta.tolist()))
-        first = known[self.names[self.count]] if dropped == 0 else 0.0
-        return {name: value - first * name.startswith(("C_", "g_")) for name, value in known.items()}
-
     def regressors(self, theta: Array, index: int) -> tuple[Array, Array]:
         """The estimate without its offset, and one; zero where no filter settles, which loses to any other."""
         segment = self.segments[index]
@@ -220,8 +214,11 @@ class CircuitObserver(Estimator):
 
         def fallback(dropped: int) -> Fit:
             left, parts, _ = training.without(dropped)
-            theta = np.log([each.value for each in main.parameters])
-            smaller = RandomWalkAmbient(left, walk, parts, whole.struck_out(theta, dropped))
+            known = dict(zip(whole.names, np.log([each.value for each in main.parameters]).tolist()))
+            # the circuit without a node has its capacities in terms of its own first one
+            first = known[whole.names[whole.count]] if dropped == 0 else 0.0
+            start = {name: value - first * name.startswith(("C_", "g_")) for name, value in known.items()}
+            smaller = RandomWalkAmbient(left, walk, parts, start)
             return _fitted(left, smaller, replace(effort, starts=1, pieces=1), late(progress, effort))
 
         states = len(columns) + 1

@@ -114,8 +114,7 @@ class RecipeEstimator(Estimator):
         fitted = Forward(recipe, self.circuit).fit(coarse, coarse_period_s, partial(show, 0))
         columns = ([trace.column(name) for trace in traces] for name in recipe.sensor_columns)
         steps = tuple(resolution_of(np.concatenate(each)) for each in columns)
-        plant, seed = fitted.plant, effort.seed
-        design = TrainingSetDesign(recipe, plant, ambient, workload, period, stride, seed, steps)
+        design = TrainingSetDesign(recipe, fitted.plant, ambient, workload, period, stride, effort.seed, steps)
         logged = [Segment(period, each.sensors_degC, each.ambient_degC[None]) for each in records]
         fit = fit_filters(recipe, design.runs(records), logged, effort, lambda n, *rest: show(1 + n, *rest))
         # errors are smaller in the very runs that the filters were fitted to
@@ -138,8 +137,8 @@ def record_of(recipe: Recipe, rows: Mapping[str, Array]) -> Record:
 
 def _assembled(recipe: Recipe, fit: Fit, circuit: ForwardFit, logged: Sequence[Segment]) -> Fit:
     """The fit with errors and remarks of the blended estimate, its filters and its circuit together."""
-    assert fit.secondary is not None
-    assert fit.error_variance is not None
+    assert fit.secondary
+    assert fit.error_variance
     estimates = [published(fit, each) for each in logged]
     errors = np.concatenate([each.outputs[0] - blend.ambient_degC for each, blend in zip(logged, estimates)])
     rmse_degC = float(np.sqrt(np.mean(errors**2)))
