@@ -107,8 +107,7 @@ def test_the_service_line_runs(zipapp, model_file, phone, spawn, until, tmp_path
 @pytest.fixture(scope="module")
 def module(build, tmp_path_factory):
     path = tmp_path_factory.mktemp("magisk") / "ambientd-magisk.zip"
-    done = build("build_magisk.py", "-o", path)
-    assert (done.returncode, done.stderr) == (0, "")
+    build("build_magisk.py", "-o", path)
     return path
 
 

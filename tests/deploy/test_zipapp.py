@@ -27,10 +27,10 @@ def test_two_builds_are_the_same_bytes_whatever_the_clock_the_mask_and_the_folde
     for path, mask in zip(built, (0o022, 0o077)):
         before = os.umask(mask)
         try:
-            done = build(script, "-o", path, *more)
+            printed = build(script, "-o", path, *more)
         finally:
             os.umask(before)
-        assert (done.returncode, done.stdout) == (0, f"{path}: {path.stat().st_size} bytes\n")
+        assert printed == f"{path}: {path.stat().st_size} bytes\n"
     assert built[0].read_bytes() == built[1].read_bytes()
     assert os.listdir(built[1].parent) == ["er"]
 
@@ -60,19 +60,12 @@ def test_the_file_runs_by_its_own_name(build, tmp_path, model_file):
     """The first line isolates the interpreter: a module of the same name in PYTHONPATH does not get in."""
     python = os.path.realpath(sys.executable)
     path = tmp_path / "ambientd.pyz"
-    assert build("build_zipapp.py", "-o", path, "--python", python).returncode == 0
+    build("build_zipapp.py", "-o", path, "--python", python)
     assert stat.S_IMODE(path.stat().st_mode) & 0o111 == 0o111
     assert path.read_bytes().splitlines()[0] == f"#!{python} -IS".encode()
     (tmp_path / "json.py").write_text("raise SystemExit('not isolated')")
     done = run([str(path), "check", "--model", str(model_file)], env={"PYTHONPATH": str(tmp_path)}, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-
-
-@pytest.fixture
-def compiled(build, tmp_path):
-    path = tmp_path / "compiled.pyz"
-    assert build("build_zipapp.py", "-o", path, "--compiled").returncode == 0
-    return path
 
 
 def checked(path, model_file):
@@ -81,7 +74,9 @@ def checked(path, model_file):
     return done.stdout
 
 
-def test_it_says_the_same_from_the_byte_code(compiled, zipapp, model_file):
+def test_it_says_the_same_from_the_byte_code(build, tmp_path, zipapp, model_file):
+    compiled = tmp_path / "compiled.pyz"
+    build("build_zipapp.py", "-o", compiled, "--compiled")
     ask = "import sys; sys.path[:0] = sys.argv[1:]; import ambientd.cli as cli; print(cli.call.__doc__)"
     words = [sys.executable, "-I", "-S", "-c", ask, str(compiled)]
     loaded = run(words).stdout

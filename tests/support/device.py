@@ -15,7 +15,7 @@ def write_files(folder: Path, files: Mapping[str, str]) -> Path:
 def add_zone(sysfs: Path, number: int, kind: str, temp: str | None = None) -> Path:
     """A thermal zone's folder; a zone is written in place, as a kernel attribute appears to be."""
     folder = sysfs / "class" / "thermal" / f"thermal_zone{number}"
-    folder.mkdir(parents=True)
+    folder.mkdir(parents=True, exist_ok=True)
     (folder / "type").write_text(f"{kind}\n")
     if temp is not None:
         (folder / "temp").write_text(temp)

@@ -16,6 +16,7 @@ from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.laboratory.run import Supervision
 from ambient_trainer.laboratory.simulation import simulated_laboratory
 from ambient_trainer.simulator.scenario import scenario_path
+from device import add_zone
 
 SHELLS = [path for name in ("dash", "bash", "mksh", "busybox") if (path := shutil.which(name))]
 
@@ -49,12 +50,7 @@ class FilePhone:
         return {"PATH": f"{self.folder / 'bin'}:{os.environ['PATH']}"}
 
     def zone(self, number: int, kind: str, content: str | None) -> Path:
-        folder = self.folder / f"sys/class/thermal/thermal_zone{number}"
-        folder.mkdir(exist_ok=True)
-        (folder / "type").write_text(f"{kind}\n")
-        if content is not None:
-            (folder / "temp").write_text(content)
-        return folder / "temp"
+        return add_zone(self.folder / "sys", number, kind, content) / "temp"
 
     def supply(self, attribute: str, content: str) -> None:
         (self.folder / "sys/class/power_supply/battery" / attribute).write_text(content)

@@ -48,6 +48,8 @@ class Far:
     """The far end of a line, in a thread; with ``faulty``, a tenth of its answers goes wrong in a drawn way."""
 
     WAYS = ("late", "doubled", "behind", "cut", "noise")
+    asked_with, ending = b"\r", "\r"
+    """With what a question ends, and an answer, where both are lines."""
 
     def __init__(self, tcp=False, seed=0):
         self.random, self.faulty, self.faults = random.Random(seed), 0.0, 0
@@ -77,6 +79,13 @@ class Far:
     def _readable(self, waited):
         """Whether something comes, before it is closed: a thread that still reads takes the bytes of the next line."""
         return self.woken not in select.select([waited, self.woken], [], [])[0]
+
+    def take(self, data):
+        *lines, rest = data.split(self.asked_with)
+        for line in lines:
+            if (reply := self.reply(line.strip().decode())) is not None:
+                self.answer((reply + self.ending).encode())
+        return rest
 
     def answer(self, reply):
         """Send a reply, as it should be or not."""
@@ -135,13 +144,6 @@ class Chamber(Far):
         moved = self.slope * (time.monotonic() - self.since) * self.speed / 60.0
         return self.wanted if not self.slope else self.began + np.clip(self.wanted - self.began, -moved, moved)
 
-    def take(self, data):
-        *lines, rest = data.split(b"\r")
-        for line in lines:
-            if (reply := self.reply(line.strip().decode())) is not None:
-                self.answer((reply + self.ending).encode())
-        return rest
-
     def reply(self, command):
         if not command.startswith(f"${self.address}"):
             return None
@@ -195,19 +197,14 @@ class Chamber(Far):
 class Multiplexer(Far):
     """One of any model, each channel some kelvin above ``air``; ``open_channels`` have no sensor."""
 
+    asked_with, ending = b"\n", "\r\n"
+
     def __init__(self, model="34970A", maker="Agilent Technologies", **line):
         self.model, self.maker = model, maker
         self.sensors, self.scanned, self.errors, self.open_channels, self.with_channels = {}, [], [], set(), False
         self.air = lambda: 20.0
         self.received = []
         super().__init__(**line)
-
-    def take(self, data):
-        *lines, rest = data.split(b"\n")
-        for line in lines:
-            if (reply := self.reply(line.strip().decode())) is not None:
-                self.answer(reply.encode() + b"\r\n")
-        return rest
 
     def reply(self, line):
         self.received.append(line)
@@ -303,24 +300,18 @@ def driver_of(closed):
     return make
 
 
+QUIET = {"slopes": "pair", "unknown": None}
+ONE_VALUE = {"fields": VC3[:1], "bits": 16, "address": "00"}
 # what is there, and what a campaign gives of it; the outputs that are on while it runs
 ROWS = {
     "Vc3 7060": ({}, {"model": "vc3-7060"}, {1}),
     "Vc3 7060 over TCP": ({"tcp": True, "ending": "\r\n"}, {"model": "vc3-7060", "values": 7, "outputs": 32}, {1}),
     "Vt3 7060, cabinet": ({"fields": CABINET, "single": ("SV01", "SV02")}, {"model": "vt3-7060"}, {1}),
     "VT3 7034": ({"fields": VC3[:5], "ending": "\r\n", "slopes": "pair", "unknown": ""}, {"model": "vt3-7034"}, {1}),
-    "VT4002": (
-        {"fields": VC3[:5], "bits": 16, "ending": "\r\n", "slopes": "pair", "unknown": None},
-        {"model": "vt-4002"},
-        {1, 3},
-    ),
-    "VC4060": (
-        {"fields": VC3[:1], "bits": 16, "address": "00", "after": "Z", "slopes": "pair", "unknown": None},
-        {"model": "vc-4060"},
-        {1, 3},
-    ),
+    "VT4002": ({**QUIET, "fields": VC3[:5], "bits": 16, "ending": "\r\n"}, {"model": "vt-4002"}, {1, 3}),
+    "VC4060": ({**QUIET, **ONE_VALUE, "after": "Z"}, {"model": "vc-4060"}, {1, 3}),
     "thermo_comm": (
-        {"fields": VC3[:1], "bits": 16, "address": "00", "ending": "\r\n", "slopes": "outputs", "faults": True},
+        {**ONE_VALUE, "ending": "\r\n", "slopes": "outputs", "faults": True},
         {"model": "one-value"},
         {1, 3},
     ),
@@ -329,11 +320,7 @@ ROWS = {
         {"model": "vt3-7060", "marker": None, "values": 9, "other_values": tuple(1.5 * each for each in range(1, 9))},
         {1},
     ),
-    "as the first two states": (
-        {"fields": VC3[:5], "bits": 32, "address": "00", "unknown": None, "slopes": "pair"},
-        {"model": None, "alarms": False},
-        {1},
-    ),
+    "as the first two states": ({**QUIET, "fields": VC3[:5], "address": "00"}, {"model": None, "alarms": False}, {1}),
 }
 
 
