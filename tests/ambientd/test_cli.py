@@ -24,6 +24,8 @@ from processes import ran
         (("run", "--model", "m", "--replay", "t", "--speed", "2", "--rate", "1"), "not allowed with argument"),
         (("replay", "m", "t"), "the following arguments are required: -o/--output"),
         (("watch",), "the following arguments are required: SOCKET"),
+        *[(("tell", *words), "argument ") for words in (("nan",), ("300",), ("21", "--sigma", "0"))],
+        (("tell",), "the following arguments are required: "),
     ],
 )
 def test_a_wrong_call_ends_with_2(ambientd, arguments, message):

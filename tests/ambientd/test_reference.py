@@ -237,11 +237,6 @@ def test_telling_without_a_daemon_that_learns_says_what_to_do(ambientd, config, 
     assert ("no daemon runs" if "reference" in more else "reference: {}") in done.stderr
 
 
-@pytest.mark.parametrize("words", [("tell", "nan"), ("tell", "300"), ("tell", "21", "--sigma", "0"), ("tell",)])
-def test_a_wrong_call_of_tell(ambientd, words):
-    assert ambientd(*words).returncode == 2
-
-
 def test_a_reference_without_a_state_is_refused_with_every_fault(ambientd, config):
     done = ambientd("check", "--config", config(reference={"unit": "K", "max_age_s": 0, "colour": 1}))
     assert done.returncode == 1

@@ -74,11 +74,3 @@ def test_an_interruption_leaves_what_is_done(trainer, monkeypatch, tmp_path, ask
     assert (status, "1 of 2 cases" in err) == (1, True)
     assert len(json.loads(out.read_text())["each"]) == 1
     assert "sensor_bias" in (folder / "index.html").read_text()
-
-
-def test_a_circuit_has_to_exist_and_to_read_every_sensor(trainer, asked):
-    status, _, err = trainer("discover", "--circuit", "phones")
-    assert (status, "'phones'" in err) == (1, True)
-    status, _, err = trainer("discover", "--circuit", "model2_ss")
-    assert (status, "display, soc" in err) == (2, True)
-    assert asked == {}
