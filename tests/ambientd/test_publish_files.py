@@ -4,6 +4,7 @@ import itertools
 import json
 import os
 import re
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import example, given, settings
@@ -208,11 +209,8 @@ def test_in_place_a_reader_of_a_file_that_is_no_longer_there_reads_the_poison(pa
 
 
 def test_a_file_that_cannot_be_given_away_is_not_there(kind, path, monkeypatch):
-    def refuse(*_):
-        raise PermissionError(1, "Operation not permitted")
-
     path.write_text("20000\n")
-    monkeypatch.setattr(os, "chown", refuse)
+    monkeypatch.setattr(os, "chown", Mock(side_effect=PermissionError(1, "Operation not permitted")))
     publisher = kind(spec(path)._replace(access=Access(owner=4711)))
     for _ in range(2):
         with pytest.raises(PermissionError):

@@ -7,6 +7,7 @@ import socket
 import stat
 import subprocess
 import sys
+from unittest.mock import Mock
 
 import pytest
 
@@ -144,10 +145,7 @@ def test_a_path_that_another_has_taken_is_its_own_and_told_of(server, path):
 
 
 def test_no_one_enters_before_it_is_settled_who_may(path, monkeypatch):
-    def refuse(*_):
-        raise PermissionError(1, "Operation not permitted")
-
-    monkeypatch.setattr(os, "chown", refuse)
+    monkeypatch.setattr(os, "chown", Mock(side_effect=PermissionError(1, "Operation not permitted")))
     server = SocketServer(Spec("socket", path, access=Access(0o600, owner=4711)))
     for k in range(2):
         assert not os.path.exists(path)

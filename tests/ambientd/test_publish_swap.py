@@ -4,6 +4,7 @@ import os
 import stat
 import subprocess
 import sys
+from unittest.mock import Mock
 
 import pytest
 
@@ -21,13 +22,12 @@ def target(tmp_path):
     return str(tmp_path / "temp")
 
 
-def alarmed(*_):
-    raise Alarm
-
-
 @pytest.mark.parametrize(
     ("write", "error"),
-    [(lambda descriptor, content, write=os.write: write(descriptor, content[:1]), OSError), (alarmed, Alarm)],
+    [
+        (lambda descriptor, content, write=os.write: write(descriptor, content[:1]), OSError),
+        (Mock(side_effect=Alarm), Alarm),
+    ],
     ids=["a full disk", "an alarm"],
 )
 def test_a_write_that_is_cut_short_leaves_the_old(target, tmp_path, monkeypatch, write, error):

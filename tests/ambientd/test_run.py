@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import threading
+from unittest.mock import Mock
 
 import pytest
 
@@ -133,8 +134,7 @@ def test_a_configuration_runs_it_and_the_call_overrides_it(start, ended, phone, 
     assert ended(daemon)[0] == 0
 
 
-def none_left(*_):
-    raise RuntimeError("can't start new thread")
+NONE_LEFT = Mock(side_effect=RuntimeError("can't start new thread"))
 
 
 @pytest.mark.parametrize("spare", [True, False])
@@ -145,7 +145,7 @@ def test_where_the_work_hangs_another_thread_goes_on_or_it_is_refused(spare, mon
         begun.append(threading.get_ident())
         if len(begun) == 1:
             if not spare:
-                monkeypatch.setattr("_thread.start_new_thread", none_left)
+                monkeypatch.setattr("_thread.start_new_thread", NONE_LEFT)
             waiter.set_alarm(0.01)
             returned.wait(10)
             raise SystemExit
@@ -157,7 +157,7 @@ def test_where_the_work_hangs_another_thread_goes_on_or_it_is_refused(spare, mon
 
 
 def test_without_a_thread_to_spare_the_work_is_done_all_the_same(monkeypatch):
-    monkeypatch.setattr("_thread.start_new_thread", none_left)
+    monkeypatch.setattr("_thread.start_new_thread", NONE_LEFT)
     done = []
     with Waiter() as waiter:
         waiter.carry_out(lambda: done.append(1), lambda: False)

@@ -6,6 +6,7 @@ import os
 import re
 import threading
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -90,10 +91,7 @@ def test_an_alarm_stops_the_chamber_and_not_the_logging(night):
 
 
 def test_an_error_in_the_program_itself_comes_to_safety_first(night, monkeypatch):
-    def broken(*_):
-        raise ZeroDivisionError("a mistake")
-
-    lab = night(minutes((20, 40)))
+    lab, broken = night(minutes((20, 40))), Mock(side_effect=ZeroDivisionError("a mistake"))
     events = lab.run([(60.0, lambda there: monkeypatch.setattr(DeviceUnderTest, "read", broken))])
     assert (lab.outcome.ending, lab.outcome.why, lab.held_degC) == (Ending.FAILED, "ZeroDivisionError: a mistake", 20.0)
     assert events[-1] == lab.outcome.why
@@ -121,10 +119,7 @@ def test_a_run_that_only_lacks_its_trace_is_brought_to_its_end(night, tmp_path):
 
 
 def test_a_monitor_that_fails_is_no_reason_to_stop(night):
-    def broken(*_):
-        raise BrokenPipeError
-
-    lab = night(minutes((2, 22)))
+    lab, broken = night(minutes((2, 22))), Mock(side_effect=BrokenPipeError)
     lab.run(monitor=broken, event=broken)
     assert lab.outcome.ending is Ending.FINISHED
 
@@ -170,6 +165,7 @@ def test_a_period_that_an_instrument_cannot_hold_is_said_before_the_run_and_whil
 def test_after_a_full_disk_the_run_is_resumed(night, monkeypatch):
     """A line is cut; that there is room again a moment later does not matter, as nothing is written behind it."""
     write, lines = os.write, itertools.count()
+    no_room = Mock(side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
     fates = [lambda file, data: write(file, data[:10]), no_room]
 
     def full(file, data):
@@ -184,10 +180,6 @@ def test_after_a_full_disk_the_run_is_resumed(night, monkeypatch):
     assert any("--resume" in text for text in problems_of(lab.outcome, Job(lab.loaded, lab.output)))
     lab.run(work=resume)
     assert (lab.outcome.ending, lab.trace.notes["complete"]) == (Ending.FINISHED, "yes")
-
-
-def no_room(file, data):
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 MQTT = {"kind": "mqtt-topic", "port": "mqtt://nowhere", "topic": "home/desk"}
