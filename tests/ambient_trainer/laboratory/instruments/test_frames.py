@@ -16,61 +16,47 @@ from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Done, Fault, S
 from ambient_trainer.laboratory.serial_line import Malformed
 
 
-def bits(text: str) -> tuple[bool, ...]:
-    return tuple(character == "1" for character in text)
-
-
 def frame(body: str) -> Frame:
     return Frame(1, easybus.VALUE, bytes.fromhex(body))
 
 
-OUTPUTS = bits("0101010101010100")
+OUTPUTS = (False, True) * 7 + (False, False)
 WARM = bytes.fromhex("FE 05 26 71 00 48 F7 80 09")
-TABLE: dict[str, tuple[Any, bytes, Any]] = {
+PROTOCOLS = {"chamber": voetsch, "multiplexer": agilent, "thermometer": easybus}
+# by instrument and what it is, the bytes of a frame and the reply that they are
+FRAMES: dict[str, tuple[bytes, Any]] = {
     "chamber, state": (
-        voetsch,
         b"0010.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0101010101010100\r",
         State((10.0, 11.2, *(0.0, 11.2) * 4), OUTPUTS),
     ),
     "chamber, below zero": (
-        voetsch,
         b"-020.0 -018.7 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0101010101010100\r",
         State((-20.0, -18.7, *(0.0, 11.2) * 4), OUTPUTS),
     ),
-    "chamber, done": (voetsch, b"0\r", Done()),
-    "chamber, fault": (voetsch, b"07 overtemperature\r", Fault(7, "overtemperature")),
-    "chamber, no fault": (voetsch, b"00\r", Fault(0, "")),
+    "chamber, done": (b"0\r", Done()),
+    "chamber, fault": (b"07 overtemperature\r", Fault(7, "overtemperature")),
+    "chamber, no fault": (b"00\r", Fault(0, "")),
     "multiplexer, identity": (
-        agilent,
         b"HEWLETT-PACKARD,34970A,0,13-2-2\r\n",
         Identity("HEWLETT-PACKARD", "34970A", "0", "13-2-2"),
     ),
     "multiplexer, readings": (
-        agilent,
         b"+2.61950000E+01,+2.62010000E+01,+2.60000000E+01\r\n",
         Scan((26.195, 26.201, 26.0), None),
     ),
-    "multiplexer, with channels": (
-        agilent,
-        b"+2.61950000E+01,101,-3.00000000E-02,103\r\n",
-        Scan((26.195, -0.03), (101, 103)),
-    ),
-    "multiplexer, open": (
-        agilent,
-        b"+9.90000000E+37,+2.60000000E+01,-9.90000000E+37\r\n",
-        Scan((None, 26.0, None), None),
-    ),
-    "multiplexer, undefined header": (agilent, b'-113,"Undefined header"\r\n', ErrorText(-113, "Undefined header")),
-    "multiplexer, no error": (agilent, b'+0,"No error"\r\n', ErrorText(0, "No error")),
-    "thermometer, 21.76": (easybus, WARM, frame("71 00 F7 80")),
-    "thermometer, -0.04": (easybus, bytes.fromhex("FE 05 26 72 FF 84 00 FC 05"), frame("72 FF 00 FC")),
-    "thermometer, no sensor": (easybus, bytes.fromhex("FE 0D 1E 70 F6 91 DF ED 0B"), frame("70 F6 DF ED")),
+    "multiplexer, with channels": (b"+2.61950000E+01,101,-3.00000000E-02,103\r\n", Scan((26.195, -0.03), (101, 103))),
+    "multiplexer, open": (b"+9.90000000E+37,+2.60000000E+01,-9.90000000E+37\r\n", Scan((None, 26.0, None), None)),
+    "multiplexer, undefined header": (b'-113,"Undefined header"\r\n', ErrorText(-113, "Undefined header")),
+    "multiplexer, no error": (b'+0,"No error"\r\n', ErrorText(0, "No error")),
+    "thermometer, 21.76": (WARM, frame("71 00 F7 80")),
+    "thermometer, -0.04": (bytes.fromhex("FE 05 26 72 FF 84 00 FC 05"), frame("72 FF 00 FC")),
+    "thermometer, no sensor": (bytes.fromhex("FE 0D 1E 70 F6 91 DF ED 0B"), frame("70 F6 DF ED")),
     "thermometer, number": (
-        easybus,
         bytes.fromhex("FE C5 68 CD 40 3C 8F 08 B2"),
         Frame(1, easybus.IDENTITY, easybus.body_of_number(0x32407008)),
     ),
 }
+TABLE = {name: (PROTOCOLS[name.partition(",")[0]], *frame) for name, frame in FRAMES.items()}
 each_frame = pytest.mark.parametrize(("protocol", "data", "reply"), TABLE.values(), ids=TABLE)
 
 

@@ -15,6 +15,7 @@ from ambient_trainer.laboratory.instruments.host_sensors import Driver
 from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError, NoResponse
 
 W1 = "bus/w1/devices/28-0316a279d1ff/w1_slave"
+IIO = "bus/iio/devices/iio:device3/in_temp"
 GOOD = "72 01 4b 46 7f ff 0e 10 57 : crc=57 {}\n72 01 4b 46 7f ff 0e 10 57 t={}\n"
 # as they stand under /sys: the channel, the files there, and the temperature or what the reason names
 SENSORS = [
@@ -23,19 +24,8 @@ SENSORS = [
     ("28-0316a279d1ff", {W1: GOOD.format("YES", 85000)}, "85 degC"),
     ("bus/w1/devices/28-*/temperature", {W1.replace("w1_slave", "temperature"): "-1250\n"}, -1.25),
     ("bus/iio/devices/iio:device0/in_temp_input", {"bus/iio/devices/iio:device0/in_temp_input": "21870\n"}, 21.87),
-    (
-        "bus/iio/devices/iio:device*/in_temp_raw",
-        {f"bus/iio/devices/iio:device3/in_temp_{name}": text for name, text in (("raw", "2200\n"), ("scale", "10\n"))},
-        22.0,
-    ),
-    (
-        "bus/iio/devices/iio:device*/in_temp_raw",
-        {
-            f"bus/iio/devices/iio:device3/in_temp_{name}": text
-            for name, text in (("raw", "2200\n"), ("offset", "-2100\n"))
-        },
-        0.1,
-    ),
+    ("bus/iio/devices/iio:device*/in_temp_raw", {f"{IIO}_raw": "2200\n", f"{IIO}_scale": "10\n"}, 22.0),
+    ("bus/iio/devices/iio:device*/in_temp_raw", {f"{IIO}_raw": "2200\n", f"{IIO}_offset": "-2100\n"}, 0.1),
     ("class/hwmon/hwmon*/temp1_input", {f"class/hwmon/hwmon{k}/temp1_input": "20000\n" for k in (1, 2)}, "2 files"),
     ("class/hwmon/hwmon*/temp1_input", {"class/hwmon/hwmon4/temp1_input": "-274000\n"}, "-274 degC"),
     ("class/hwmon/hwmon*/temp1_input", {"class/hwmon/hwmon4/temp1_input": "\n"}, "float"),
