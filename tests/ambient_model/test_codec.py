@@ -46,7 +46,6 @@ def test_a_version_1_file_with_guard_and_spread_reads_the_same_for_ever() -> Non
     """The file was written when these keys came, and is never to be written again."""
     quantiles = {50: (-0.625, 0.75), 90: (-1.5, 1.75), 98: (-2.5, 2.25)}
     assert GUARDED.error_variance == ErrorVariance(0.0625, TERMS, quantiles)
-    assert GUARDED.secondary is not None
     second = GUARDED.secondary.estimator
     assert (GUARDED.secondary.threshold_degC, second.inputs, second.offset) == (1.5, (USB, BATTERY), -2.0)
     assert GUARDED._replace(secondary=None, error_variance=None) == PHONE

@@ -20,20 +20,12 @@ def notes():
 
 
 @pytest.fixture
-def make_sensors(phone, notes):
+def sensors(phone, notes):
     """The two zones of the phone."""
-    opened = []
-
-    def make():
-        settings = settings_for_model("m")._replace(sysfs_root=str(phone.root), zones_by_name="/nowhere")
-        opened.append(
-            Sensors([Sensor(each, Zone(each.zone), settings) for each in (USB, BATTERY)], Rules(), notes.append)
-        )
-        return opened[-1]
-
-    yield make
-    for each in opened:
-        each.close()
+    settings = settings_for_model("m")._replace(sysfs_root=str(phone.root), zones_by_name="/nowhere")
+    made = Sensors([Sensor(each, Zone(each.zone), settings) for each in (USB, BATTERY)], Rules(), notes.append)
+    yield made
+    made.close()
 
 
 def temp(phone, number):
@@ -48,9 +40,9 @@ def temp(phone, number):
     ],
 )
 def test_one_that_is_wrong_and_returns_is_told_once_each_and_leaves_the_other_alone(
-    make_sensors, phone, notes, number, content, read, note
+    sensors, phone, notes, number, content, read, note
 ):
-    sensors, right = make_sensors(), temp(phone, number).read_text()
+    right = temp(phone, number).read_text()
     temp(phone, number).write_text(content)
     assert [sensors.read(float(k)) for k in range(3)] == [read] * 3
     temp(phone, number).write_text(right)
@@ -58,10 +50,11 @@ def test_one_that_is_wrong_and_returns_is_told_once_each_and_leaves_the_other_al
     assert notes == [note, f"{note.split(': ')[0]}: is back"]
 
 
-def test_a_pipe_in_the_place_of_a_sensor_holds_up_nothing(phone, make_sensors, notes):
+def test_a_pipe_in_the_place_of_a_sensor_holds_up_nothing(phone, notes, request):
     temp(phone, 10).unlink()
     os.mkfifo(temp(phone, 10))
-    assert make_sensors().read(0.0) == [None, 25.0]
+    sensors = request.getfixturevalue("sensors")  # which opens what is there now
+    assert sensors.read(0.0) == [None, 25.0]
     assert notes == ["sensor usb: no value (Illegal seek)"]
 
 

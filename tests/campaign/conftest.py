@@ -190,15 +190,11 @@ class Outputs:
         ambient = report["ambient_degC"]
         assert (ambient is None) == (report["status"] == "faulted")
         temp, same, prometheus = map(content_of, (self.temp, self.same, self.prometheus))
-        assert same is not None
-        assert prometheus is not None
         scraped = re.search(rb"^ambientd_ambient_celsius\{[^}]*\} (\S+)$", prometheus, re.MULTILINE)
         if ambient is None:
             assert (temp, number_in(same), scraped) == (None, POISON_MILLIDEGC, None)
         else:
             assert report["low_degC"] < ambient < report["high_degC"]
-            assert scraped is not None
-            assert temp is not None
             assert (number_in(temp), number_in(same)) == (round(ambient * 1000),) * 2
             assert float(scraped[1]) == ambient
         return report

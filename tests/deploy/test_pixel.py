@@ -102,7 +102,6 @@ class Hal:
 @pytest.fixture
 def start(harness, tmp_path, spawn):
     """Start a HAL, with the snippet merged into what a device has, or alone."""
-    running = []
     device = {"Name": "skin_therm", "Type": "SKIN", "Multiplier": 0.001}
     binding = {"CdevRequest": "thermal-cpufreq-0", "LimitInfo": [0, 1, 2, 3, 4, 5, 6]}
 
@@ -112,12 +111,9 @@ def start(harness, tmp_path, spawn):
             config["Sensors"][-1]["BindedCdevInfo"] = [binding]
             config["Sensors"].append(device)
             config["CoolingDevices"] = [{"Name": "thermal-cpufreq-0", "Type": "CPU"}]
-        running.append(Hal(harness, tmp_path / "root", spawn, config))
-        return running[-1]
+        return Hal(harness, tmp_path / "root", spawn, config)
 
-    yield run
-    for each in running:
-        each.process.stdin.close()
+    return run
 
 
 def test_throttling_starts_and_ends_with_the_published_value_and_starts_at_a_fault(

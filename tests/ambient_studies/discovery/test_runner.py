@@ -27,7 +27,6 @@ def test_workers_find_what_is_hidden(done, cases):
     assert bias.correct
     assert done[1].outcome.onset_right
     assert done[1].outcome.magnitude_right
-    assert bias.gain_ci is not None
     assert bias.gain_ci[0] > 0.0
     assert "sensor_bias at display" in done[1].sentences[0]
 

@@ -9,7 +9,7 @@ from ambient_model.model import Model, Secondary
 from ambient_model.tracking import Tracker, nearest_discrete
 from ambient_studies.mitigation.comparison import identify, settling_min, training_trace
 from ambient_studies.mitigation.governor import Identified
-from ambient_studies.mitigation.loop import Record, closed_loop, phone_zones
+from ambient_studies.mitigation.loop import closed_loop, phone_zones
 from ambient_studies.mitigation.setting import Knowledge, Outage, Room, Setting
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
@@ -41,18 +41,13 @@ def setting(model: Model) -> Setting:
     return Setting(work_min=36.0, idle_min=settling_min(model, 4.0), period_s=4.0)
 
 
-@pytest.fixture(scope="session")
-def records(model: Model, identified: Identified, setting: Setting) -> list[Record]:
-    """Two seeds in a cold and in a hot room, and walking from the one to the other and back."""
-    return closed_loop(model, identified, setting, [COLD, HOT, WALK], [1, 2])
-
-
 BRIEF = Setting(work_min=12.0, idle_min=1.0)
 
 
 @pytest.fixture(scope="module")
-def of(records):
-    """The records of a room and a governor."""
+def of(model: Model, identified: Identified, setting: Setting):
+    """The records of a room and a governor: two seeds in a cold and a hot one, and from this to that and back."""
+    records = closed_loop(model, identified, setting, [COLD, HOT, WALK], [1, 2])
     by_case = {(each.case.room.name, each.case.knowledge, each.case.seed): each for each in records}
     return lambda room, kind: [by_case[room, kind, seed] for seed in (1, 2)]
 

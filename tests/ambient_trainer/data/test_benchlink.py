@@ -1,5 +1,6 @@
 """The multiplexer's export comes in with its own units, sentinel and clock, with and without a map."""
 
+import contextlib
 from datetime import datetime
 
 import numpy as np
@@ -96,7 +97,5 @@ def test_a_measured_export_comes_in(beside, described):
 def test_any_bytes_under_the_header_are_read_or_refused(tmp_path_factory, raw):
     path = tmp_path_factory.getbasetemp() / "any-export.csv"
     path.write_bytes(_export("Chan 101 (C)").encode() + raw)
-    try:
+    with contextlib.suppress(Refused):
         assert len(import_file(str(path)).trace.time_s) >= 2
-    except Refused:
-        return

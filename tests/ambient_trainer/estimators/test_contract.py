@@ -54,11 +54,6 @@ def test_a_breach_is_named():
 ONE = Effort(starts=1)
 
 
-@pytest.fixture
-def trace():
-    return made(0, 600, ("soc", "flash", "battery", "usb", "display"))
-
-
 def test_an_unknown_name_one_of_another_kind_or_sensors_of_a_circuit_are_refused_before_any_trace_is_read():
     said = str(refused(estimator, "free-9"))
     for name in ("phone", "phone_observer", "free-1", "free-4", "circuit_observer"):
@@ -72,9 +67,9 @@ def test_an_unknown_name_one_of_another_kind_or_sensors_of_a_circuit_are_refused
 
 
 @pytest.mark.parametrize("name", ["free-1", "model2_ss", "linear_combined"])
-def test_the_machines_view_is_plain_json(name, trace):
+def test_the_machines_view_is_plain_json(name):
     """An unidentifiable circuit has no intervals: null, never NaN."""
-    fit = estimator(name).fit([trace], ONE)
+    fit = estimator(name).fit([made(0, 600, ("soc", "flash", "battery", "usb", "display"))], ONE)
     said = json.loads(json.dumps(report_of(fit).data, allow_nan=False))
     assert said["rmse_degC"] == fit.rmse_degC
     assert [each["name"] for each in said["parameters"]] == [each.name for each in fit.parameters]

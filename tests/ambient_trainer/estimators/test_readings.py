@@ -38,9 +38,7 @@ def trace():
 @pytest.fixture(scope="module")
 def fitted(trace):
     fit = FreeFilterEstimator(1).fit([trace], Effort(starts=1))
-    readings = reading_model(fit, [trace])
-    assert readings is not None
-    return fit, readings
+    return fit, reading_model(fit, [trace])
 
 
 @pytest.fixture(scope="module")

@@ -117,7 +117,6 @@ def test_the_baseline_is_scored_on_the_same_samples():
     usb, battery = trace.columns["usb_degC"], trace.columns["battery_degC"].copy()
     battery[60] = battery[59]  # held, as the model's own input is
     error = (trace.reference - (1.25 * usb - 0.3 * battery + 0.5))[[k for k in range(200) if k not in (0, 100)]]
-    assert found.baseline is not None
     assert found.baseline.metrics.samples == found.scored == 198
     assert found.baseline.metrics.rmse_degC == pytest.approx(np.sqrt(np.mean(error**2)), abs=1e-9)
     assert found.baseline.metrics.mbe_degC == pytest.approx(error.mean(), abs=1e-9)

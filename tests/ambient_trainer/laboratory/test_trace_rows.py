@@ -78,15 +78,13 @@ def test_the_grid_begins_with_the_recording_and_has_a_row_for_each_period():
     record = Record(HEAD, (StepBegan(0.0, 0, 0.0), scan(3.0, 20.0)))
     assert grid_of(record, CAMPAIGN) is None
     whole = Record(HEAD, (*record.entries, StepBegan(10.0, 1, 0.0)))
-    grid = grid_of(whole, CAMPAIGN)
-    assert grid is not None
-    assert laboratory_rows(whole, CAMPAIGN, grid).reset_index().to_numpy().tolist() == [[-7.0, 0.2, 20.0]]
+    assert laboratory_rows(whole, CAMPAIGN, grid_of(whole, CAMPAIGN)).reset_index().to_numpy().tolist() == [
+        [-7.0, 0.2, 20.0]
+    ]
     record = Record(
         HEAD, (StepBegan(0.0, 0, 0.0), StepBegan(900.4, 1, 0.0), StepBegan(2700.4, 2, 0.0), End(2712.0, "finished"))
     )
-    grid = grid_of(record, CAMPAIGN)
-    assert grid is not None
-    assert len(trace_rows(record, CAMPAIGN, grid)) == 1800
+    assert len(trace_rows(record, CAMPAIGN, grid_of(record, CAMPAIGN))) == 1800
     record = Record(
         HEAD, (StepBegan(0.0, 0, 0.0), StepBegan(900.0, 1, 0.0), StepBegan(5000.0, 1, 300.0), End(5100.0, ""))
     )

@@ -20,12 +20,8 @@ from .conftest import walked
 ONE = Effort(starts=1)
 
 
-@pytest.fixture(scope="module")
-def fit():
-    return FreeObserver().fit([walked(1, samples=1000)], ONE)
-
-
-def test_on_runs_that_it_never_saw_it_does_as_well_as_one_without_demands_and_its_interval_holds(fit):
+def test_on_runs_that_it_never_saw_it_does_as_well_as_one_without_demands_and_its_interval_holds():
+    fit = FreeObserver().fit([walked(1, samples=1000)], ONE)
     scored = [evaluate_trace(model_of(fit, [], {}), walked(seed)) for seed in (2, 3)]
     unconstrained = FreeFilterEstimator(len(fit.states)).fit([walked(1, samples=1000)], ONE)
     theirs = evaluate_trace(model_of(unconstrained, [], {}), walked(2))
