@@ -1,5 +1,6 @@
 """Real sockets: the newest line at once, whole lines only, and no reader delays the daemon."""
 
+import contextlib
 import json
 import os
 import select
@@ -46,14 +47,10 @@ def connected(server, path):
 def received(reader):
     reader.setblocking(False)
     content = b""
-    while True:
-        try:
-            more = reader.recv(1 << 20)
-        except BlockingIOError:
-            return content
-        if not more:
-            return content
-        content += more
+    with contextlib.suppress(BlockingIOError):
+        while more := reader.recv(1 << 20):
+            content += more
+    return content
 
 
 def times(content):
@@ -134,9 +131,7 @@ def test_another_user_takes_neither_the_places_nor_the_descriptors(limit, public
 def test_a_path_that_another_has_taken_is_its_own_and_told_of(server, path):
     with connected(server, path) as early:
         os.unlink(path)
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other:
-            other.bind(path)
-            other.listen()
+        with socket.create_server(path, family=socket.AF_UNIX):
             with pytest.raises(OSError, match="another daemon listens there"):
                 server.publish(report(1))
             assert times(received(early)) == [1]

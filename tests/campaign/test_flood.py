@@ -2,10 +2,11 @@
 
 import json
 import os
-import socket
 import sys
 
 import pytest
+
+from processes import is_listening
 
 FLOODS = {
     "connections that are held": "held.append(connected())",
@@ -31,12 +32,6 @@ while True:
 FOR_S = 12.0
 
 
-def listens(path):
-    """Whether a daemon accepts connections there: its file appears a moment before."""
-    with socket.socket(socket.AF_UNIX) as probe:
-        return probe.connect_ex(path) == 0
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(os.getuid() != 0, reason="only root becomes another user")
 @pytest.mark.parametrize("flood", FLOODS)
@@ -45,7 +40,7 @@ def test_ten_readers_miss_no_tick_and_newcomers_get_in(flood, public, model_file
     run = ("run", "--model", model_file, "--sysfs-root", zones.root, "--rate", "10", "--publish")
     for output in (f"socket:{path}", f"status:{status}"):  # the other one nobody floods
         spawn([sys.executable, "-m", "ambientd", *run, output], stderr=None)
-    until(lambda: listens(path) and os.path.exists(status))
+    until(lambda: is_listening(path) and os.path.exists(status))  # its file appears a moment before it accepts
     readers = [listen(path) for _ in range(5)]
     assert spawn([sys.executable, "-I", "-S", "-c", FLOOD.format(FLOODS[flood]), path]).stdout.readline()
     readers += [listen(path) for _ in range(5)]  # they come during the flood

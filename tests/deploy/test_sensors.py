@@ -166,9 +166,7 @@ def says(compiled, until):
     """A daemon of the test's own: what it sends to the sub-HAL once that has connected."""
     place = compiled[2]
     place.unlink(missing_ok=True)
-    with socket.socket(socket.AF_UNIX) as listener:
-        listener.bind(str(place))
-        listener.listen()
+    with socket.create_server(str(place), family=socket.AF_UNIX) as listener:
         listener.settimeout(20)
         yield lambda: listener.accept()[0]
     place.unlink()

@@ -32,10 +32,10 @@ def free_port() -> int:
         return int(free.getsockname()[1])
 
 
-def is_listening(port: int) -> bool:
-    """Whether somebody answers at a TCP port."""
-    with socket.socket() as asked:
-        return not asked.connect_ex(("127.0.0.1", port))
+def is_listening(at: int | str) -> bool:
+    """Whether somebody answers at a TCP port, or at the path of a socket."""
+    with socket.socket(socket.AF_UNIX if isinstance(at, str) else socket.AF_INET) as asked:
+        return not asked.connect_ex(at if isinstance(at, str) else ("127.0.0.1", at))
 
 
 def content_of(path: Path) -> bytes | None:

@@ -132,12 +132,6 @@ def test_the_printed_equations_with_their_tables_by_hand():
     np.testing.assert_allclose(second.C, [[0.039675, 0.083507, 0.876818]], rtol=1e-5)
 
 
-@pytest.fixture(scope="module")
-def figures():
-    """By number, the values."""
-    return {each.number: [figure.value for figure in each.figures] for each in text_errata()}
-
-
 @pytest.mark.parametrize(
     ("number", "first", "written"),
     [
@@ -153,10 +147,11 @@ def figures():
         pytest.param(11, 0, "0.90 0.92 6", id="11: two figures for one error"),
     ],
 )
-def test_the_figures_are_as_they_are_written(figures, number, first, written):
+def test_the_figures_are_as_they_are_written(number, first, written):
     texts = written.split()
     decimals = [len(text.partition(".")[2]) for text in texts]
-    values = figures[number][first : first + len(texts)]
+    [figures] = [each.figures for each in text_errata() if each.number == number]
+    values = [figure.value for figure in figures[first : first + len(texts)]]
     assert [round(value, digits) for value, digits in zip(values, decimals)] == list(map(float, texts))
 
 

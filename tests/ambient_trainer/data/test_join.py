@@ -55,21 +55,16 @@ def test_stamps_that_repeat_or_go_back_are_left_out(tmp_path):
     np.testing.assert_array_equal(logged.trace.columns["a_degC"], [1, 2, np.nan])
 
 
-@pytest.fixture
-def two(tmp_path):
+@pytest.mark.parametrize("apply", [False, True])
+def test_a_shift_is_applied_only_when_asked(tmp_path, figures, apply):
     """A board's log, and a thermometer's of the same air whose clock is 40 s behind."""
     time_s = np.arange(0.0, 8000.0, 5.0)
     air = 20 + 3 * np.sin(time_s / 700) + np.sin(time_s / 263)
     at_40 = 20 + 3 * np.sin((time_s + 40) / 700) + np.sin((time_s + 40) / 263)
-    save_trace(str(tmp_path / "board.csv"), trace("", time_s, {"board_degC": air + 5, "ambient_degC": air}))
-    save_trace(str(tmp_path / "room.csv"), trace("", time_s, {"ambient_degC": at_40, "wall_degC": at_40}))
-    return tmp_path
-
-
-@pytest.mark.parametrize("apply", [False, True])
-def test_a_shift_is_applied_only_when_asked(two, figures, apply):
-    out = two / "out.csv"
-    found, _ = figures("join", two / "board.csv", two / "room.csv", "-o", out, *["--shift"] * apply)
+    board, room, out = (tmp_path / f"{name}.csv" for name in ("board", "room", "out"))
+    save_trace(str(board), trace("", time_s, {"board_degC": air + 5, "ambient_degC": air}))
+    save_trace(str(room), trace("", time_s, {"ambient_degC": at_40, "wall_degC": at_40}))
+    found, _ = figures("join", board, room, "-o", out, *["--shift"] * apply)
     (_, other) = found["traces"]
     low, high = other["shift"]["ci95_s"]
     assert low < 40 < high < 42

@@ -141,7 +141,8 @@ def test_an_interrupted_run_goes_on_and_another_is_refused(logs, tmp_path, monke
     at.fit_fleet(logs, "free-1", tmp_path / "part", resume=True, **asked)
     assert not begun
     assert ("looking at units", 2, 4) in seen
-    assert _bytes(tmp_path / "part") == _bytes(Path(whole.fitted.folder))
+    part, unbroken = (Path(each, "fleet.parquet") for each in (tmp_path / "part", whole.fitted.folder))
+    assert part.read_bytes() == unbroken.read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -162,10 +163,6 @@ def test_every_kind_of_estimator_is_pooled(logs, fleet_units, tmp_path, circuit,
 def test_what_gives_no_ambient_is_refused(logs, tmp_path, circuit):
     with pytest.raises(Refused):
         at.fit_fleet(logs, circuit, tmp_path, engine="serial", effort=EFFORT)
-
-
-def _bytes(folder):
-    return (folder / "fleet.parquet").read_bytes()
 
 
 def _without(trace, column):

@@ -30,8 +30,8 @@ entries = st.one_of(
 )
 
 
-def written(path, added):
-    journal = Journal(str(path), HEAD)
+def written(path, added, *head):
+    journal = Journal(str(path), *head)
     for entry in added:
         journal.add(entry)
     journal.close()
@@ -42,7 +42,7 @@ def written(path, added):
 def test_what_is_added_is_read(added):
     with tempfile.TemporaryDirectory() as folder:
         path = f"{folder}/t.csv.part"
-        written(path, added)
+        written(path, added, HEAD)
         assert read_journal(path) == Record(HEAD, tuple(added))
 
 
@@ -53,7 +53,7 @@ def test_a_cut_anywhere_leaves_a_beginning_that_can_be_gone_on_with(tmp_path):
         Note(7.0, "grüße"),
     ]
     whole = tmp_path / "whole"
-    written(whole, added)
+    written(whole, added, HEAD)
     data = whole.read_bytes()
     first = data.index(b"\n") + 1
     for length in range(first, len(data) + 1, 3):
@@ -62,9 +62,7 @@ def test_a_cut_anywhere_leaves_a_beginning_that_can_be_gone_on_with(tmp_path):
         kept = read_journal(str(path)).entries
         assert kept == tuple(added[: len(kept)])
         assert len(kept) == data[first:length].count(b"\n")
-        journal = Journal(str(path))
-        journal.add(Note(9.0, "resumed"))
-        journal.close()
+        written(path, [Note(9.0, "resumed")])
         assert read_journal(str(path)).entries == (*kept, Note(9.0, "resumed"))
         path.unlink()
 

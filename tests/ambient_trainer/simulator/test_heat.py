@@ -56,14 +56,12 @@ def test_integration_agrees_with_an_adaptive_solver(balance, period_s):
 @pytest.mark.parametrize(("activity", "air_degC"), [("cpu_100", -10.0), ("charging", 50.0), ("camera_4k", 20.0)])
 def test_equilibrium_is_what_waiting_leads_to(balance, activity, air_degC):
     demand, air = _demand(balance, activity), np.array([air_degC])
-    found = solve_ivp(
-        lambda _, x: balance.rates(x[None], air, demand)[0],
-        (0, 40_000),
-        np.full(len(NODES), air_degC),
-        method="LSODA",
-        rtol=1e-10,
-        atol=1e-9,
-    ).y[:, -1]
+
+    def rates(_, x):
+        return balance.rates(x[None], air, demand)[0]
+
+    start = np.full(len(NODES), air_degC)
+    found = solve_ivp(rates, (0, 40_000), start, method="LSODA", rtol=1e-10, atol=1e-9).y[:, -1]
     assert balance.equilibrium(air, demand)[0] == pytest.approx(found, abs=1e-5)
 
 
