@@ -103,14 +103,6 @@ def hal(compiled, spawn, until, tmp_path):
     process.stdin.close()
 
 
-@pytest.fixture
-def daemon(compiled, weather, spawn, deployed, model_file):
-    """Start the daemon with Android's form of publication, on the trace that the test writes."""
-    place = compiled[2]
-    run = deployed("run", "--model", model_file, "--replay", weather.trace, "--speed", "0", "--publish")
-    return lambda degC: weather.start(spawn, [*run, f"socket:{place}"], ambient_degC=degC)
-
-
 def test_it_is_one_on_change_sensor_that_every_app_may_read(hal, until):
     hal.call("list", until)
     [line] = [line for line in hal.lines() if line.startswith("sensor ")]
@@ -119,12 +111,17 @@ def test_it_is_one_on_change_sensor_that_every_app_may_read(hal, until):
     )
 
 
-def test_the_events_follow_the_daemon_and_none_comes_of_a_fault_or_a_death(hal, daemon, weather, until):
+def test_the_events_follow_the_daemon_and_none_comes_of_a_fault_or_a_death(
+    hal, compiled, weather, spawn, deployed, model_file, until
+):
+    """The daemon with Android's form of publication, on the trace that the test writes."""
+
     def meanwhile(degC, condition):
         """The daemon ticks, a second of its trace at a time."""
         until(lambda: weather.say(degC, rows=1) or condition())
 
-    daemon(23.0)
+    run = deployed("run", "--model", model_file, "--replay", weather.trace, "--speed", "0", "--publish")
+    weather.start(spawn, [*run, f"socket:{compiled[2]}"], ambient_degC=23.0)
     assert hal.call("batch 200000000", until) == 0
     assert hal.values() == [], "nothing before it is activated"
     hal.call("activate 1", until)

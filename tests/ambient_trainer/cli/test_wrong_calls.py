@@ -90,21 +90,16 @@ CALLS = [
 ]
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch, saved):
-    """Two traces and a model."""
+@pytest.mark.parametrize(("words", "status", "facts"), CALLS)
+def test_a_wrong_call(tmp_path, monkeypatch, saved, trainer, words, status, facts):
+    """Beside two traces and a model, which stay as they are."""
     for name in ("t.csv", "u.csv"):
         save_trace(str(tmp_path / name), sensor_trace(300, period_s=2.0))
     os.rename(saved(two_sensor_model()), tmp_path / "m.json")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("ambient_studies.mitigation.comparison.training_trace", None)
-    return tmp_path
-
-
-@pytest.mark.parametrize(("words", "status", "facts"), CALLS)
-def test_a_wrong_call(folder, trainer, words, status, facts):
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     found, _, said = trainer(*shlex.split(words))
     assert found == status
     assert all(fact in " ".join(said.split()) for fact in facts.split("; "))
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

@@ -1,8 +1,6 @@
 """An evaluation against a recursion written out in numpy, what it counts and refuses, and the command from outside."""
 
-import hashlib
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -195,10 +193,8 @@ def test_an_interval_that_is_too_narrow_as_it_was_published_is_a_warning(apart_d
 
 def test_figures_on_training_data_are_called_so(files, figures, tmp_path):
     _, trace = files(sensor_trace(120))
-    digest = hashlib.sha256(Path(trace).read_bytes()).hexdigest()
-    model, trace = files(
-        sensor_trace(120), {"training": [{"trace": "t", "sha256": digest, "from_s": None, "to_s": 50}]}
-    )
+    training = {"trace": "t", "sha256": sha256_of(trace), "from_s": None, "to_s": 50}
+    model, trace = files(sensor_trace(120), {"training": [training]})
     found, printed = figures("evaluate", model, trace, "--report", tmp_path / "report")
     assert found["traces"][0]["overlaps_training"] is True
     assert "trace.csv (training data)" in printed
