@@ -7,8 +7,10 @@ import numpy as np
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.greybox.backward import eliminated
 from ambient_trainer.diagnosis.greybox.mechanisms import mass, path
-from ambient_trainer.diagnosis.greybox.model import GreyBox
+from ambient_trainer.diagnosis.greybox.mechanisms.latent import Latent
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.screening import lasting_candidates
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
 
 from .conftest import heat
@@ -54,3 +56,12 @@ def test_only_a_body_carries_what_acts_on_it(circuit, simulated, recorded):
     behind = scene.fitted.model.with_mechanism(next(mass.candidates(scene)))
     second = replace(heat("sun_W_m2", 0.1), places=("board_mass",))
     assert behind.with_mechanism(second).carries(0)
+
+
+def test_nothing_acts_on_what_melts(circuit, simulated, recorded):
+    """No circuit file can say so."""
+    numbers = (Number(name, unit, 1.0, log=True) for name, unit in (("G", "W/K"), ("lag", "s"), ("fusion", "K")))
+    bare = bare_fit(GreyBox.of(circuit), recorded(simulated(5)))
+    frozen = Scene(replace(bare, model=bare.model.with_mechanism(Latent(("board",), tuple(numbers)))))
+    assert frozen.network.nodes[1:] == ["board_phase"]
+    assert not any("board_phase" in each.places for each in lasting_candidates(frozen, lambda each: None))

@@ -237,7 +237,8 @@ def test_a_voltage_heats_by_its_square_though_it_does_better_by_itself_till_a_ma
     """With the mass, in one of these only together."""
     steps = diagnose(circuit, [lamp(seed)]).steps
     assert steps[0].cause == Cause("heat_source", "board", "lamp_V^2")
-    assert {each.cause.name for each in steps} <= {"heat_source", "thermal_mass", "convection_law"}
+    sure = {each.cause.name for each in steps if each.confidence > 0.7}
+    assert sure <= {"heat_source", "thermal_mass", "convection_law"}
 
 
 def test_what_is_no_finding_keeps_no_pair_away(circuit, simulated, recorded, monkeypatch):
@@ -258,7 +259,7 @@ def test_what_is_no_finding_keeps_no_pair_away(circuit, simulated, recorded, mon
 
     monkeypatch.setitem(pair.__globals__, "compared", compared)
     plain, squared = (tried(bare, driver) for driver in ("current_A", "current_A^2"))
-    steps = pair(Step(bare, plain, (plain, squared), 2), Limits(), lasting_candidates, lambda *given: None)
+    steps = pair(Step(bare, plain, (plain, squared), 2), (), Limits(), lasting_candidates, lambda *given: None)
     assert [each.chosen.mechanism.key[2] for each in steps] == ["current_A^2", ""]
 
 

@@ -12,8 +12,9 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from ambient_studies.discovery.cases import CAUSES, Case, baselines, simulated
+from ambient_studies.discovery.figures import Outcome
 from ambient_studies.discovery.runner import Bench, size_in_noise, train
-from ambient_studies.discovery.score import Scored, score
+from ambient_studies.discovery.score import score
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.diagnose import diagnose_changed
@@ -42,7 +43,7 @@ class Diagnosed:
 
     run: Simulated
     found: Diagnosis
-    scored: Scored
+    outcome: Outcome
 
 
 @pytest.fixture(scope="session")

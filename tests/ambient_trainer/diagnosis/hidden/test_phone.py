@@ -44,12 +44,12 @@ def explained(case):
 @pytest.mark.parametrize("cause", [param(cause) for cause in CAUSES])
 def test_an_effect_is_named_with_its_place_size_and_onset(bench, diagnosed, cause):
     case = diagnosed(SEED, cause)
-    outcome = case.scored.outcome
+    outcome = case.outcome
     assert outcome.size_in_noise >= DUE_IN_NOISE
     assert outcome.found[:1] == outcome.true, explained(case)
-    assert case.scored.magnitude_right, explained(case)
+    assert case.outcome.magnitude_right, explained(case)
     assert case.found.verdict.gain.ci95_degC[0] > 0
-    assert case.scored.onset_right is not False or within_sight(case, bench), explained(case)
+    assert case.outcome.onset_right is not False or within_sight(case, bench), explained(case)
 
 
 def within_sight(case, bench):
@@ -84,11 +84,11 @@ def test_nothing_is_found_where_nothing_is_hidden(diagnosed):
 def test_the_signal_that_drives_it_is_not_taken_for_those_that_do_not(diagnosed, cause, place, signal):
     case = diagnosed(SEED, cause, location=place, signal=signal)
     assert case.found.verdict_cause.signal == signal, explained(case)
-    assert case.scored.outcome.correct, explained(case)
-    assert case.scored.magnitude_right, explained(case)
+    assert case.outcome.correct, explained(case)
+    assert case.outcome.magnitude_right, explained(case)
 
 
 def test_two_at_once_are_both_named(diagnosed):
     case = diagnosed(SEED, "heat_source", "clock_offset")
-    assert case.scored.outcome.correct, explained(case)
+    assert case.outcome.correct, explained(case)
     assert all(step.gain.ci95_degC[0] > 0 for step in case.found.steps)

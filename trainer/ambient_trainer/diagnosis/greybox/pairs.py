@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 
 from ambient_model.trace import split_column
 from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Limits, Step, gains, twins
 from ambient_trainer.diagnosis.greybox.model import Mechanism
-from ambient_trainer.diagnosis.greybox.regression import fit
+from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.screening import Offered, lasting_candidates, screen, shortlist
+from ambient_trainer.diagnosis.greybox.screening import Offered, Screened, lasting_candidates, screen, shortlist
 from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, compared, complexity, identified, penalised
 from ambient_trainer.diagnosis.greybox.windows import Columns
 
 ABOVE_FLOOR = 2.0
-_PAIRED, _LITTLE = 4, 0.7
+_PAIRED, _LITTLE, _MOSTLY = 4, 0.7, 1 / 3
 _OWN = 0.1
 """Of the held-out error's logarithm: by how much two heaters, each at its own place, may do worse than one at both,
 where they leave less in sample. In a short log both go up together. In three measured sets of four they were worse by
@@ -27,9 +28,9 @@ less, and held better later; in the fourth by 0.6, and did not."""
 Progress = Callable[[str, int, int], None]
 
 
-def pair(step: Step, limits: Limits, offered: Offered, said: Progress) -> list[Step]:
-    """Two steps at once where one alone gains little, or nothing logged drives it: heat and the mass that stores it, or
-    heat by a driver and what is there without it, show themselves together.
+def pair(step: Step, beside: Sequence[Fitted], limits: Limits, offered: Offered, said: Progress) -> list[Step]:
+    """Two steps at once where one alone gains little, or nothing logged drives it: heat and the mass that stores it,
+    heat by a driver and what is there without it, or that and a loss by a driver show themselves together.
 
     Each is then compared with the model that holds the other alone.
     """
@@ -42,26 +43,14 @@ def pair(step: Step, limits: Limits, offered: Offered, said: Progress) -> list[S
     if chosen is not None and (chosen.evident or (enough and chosen.driver is not None and not squared)):
         return []
     # heat that nothing logged drives may stand for a driver and for what is there without it, or hide it
-    unlogged = chosen is None or (chosen.cause == "heat_source" and chosen.driver is None)
-    begun: dict[object, Trial] = {}
-    for each in [*([step.chosen] if step.chosen else []), *sorted(step.trials, key=penalised)]:
-        if _stores_or_heats(each.mechanism, unlogged):
-            begun.setdefault(each.mechanism.key, each)
+    unlogged = chosen is None or _constant(chosen) or single > _MOSTLY * error
+    firsts = _firsts(step, unlogged)
+    begun = [*_beside_each(firsts, offered, unlogged), *_begun_elsewhere(step, firsts, beside)]
     alone = float(np.log(error)) if step.chosen is None else penalised(step.chosen)
     best: tuple[float, Trial, Trial, list[Trial]] | None = None
-    for index, first in enumerate(list(begun.values())[:_PAIRED]):
-        said("try pairs", index, _PAIRED)
-        logged = first.mechanism.driver is not None
-        others = [
-            each
-            for each in screen(Scene(first.fitted), offered if logged else lasting_candidates)
-            if _stores_or_heats(each.mechanism, unlogged or logged) or (logged and _changes(each.mechanism))
-        ]
-        # of two heats by drivers each shows itself alone, but a driver's rate only beside it
-        driven = first.mechanism.key[2]
-        others = [each for each in others if each.mechanism.key != first.mechanism.key]
-        others = [each for each in others if not driven or each.mechanism.key[2] in ("", f"d({driven})/dt")]
-        rivals = compared(first.fitted, shortlist(others), lambda done, total: None)
+    for index, (first, seconds) in enumerate(begun):
+        said("try pairs", index, len(begun))
+        rivals = compared(first.fitted, shortlist(seconds), lambda done, total: None)
         for second in rivals:
             score = penalised(second) + PENALTY * complexity(first.mechanism)
             sound = _sound(first, second, limits)
@@ -73,6 +62,54 @@ def pair(step: Step, limits: Limits, offered: Offered, said: Progress) -> list[S
     if best is None or best[0] > alone - LEAST_GAIN or not gains(step.before, best[2], limits.least_degC):
         return []
     return _two_steps(step, *best[1:])
+
+
+def _firsts(step: Step, unlogged: bool) -> list[Trial]:
+    """Of heat, and masses, the best trial at one place and at several, by each driver."""
+    begun: dict[object, Trial] = {}
+    for each in [*([step.chosen] if step.chosen else []), *sorted(step.trials, key=penalised)]:
+        if _stores_or_heats(each.mechanism, unlogged):
+            cause, places, driver = each.mechanism.key
+            begun.setdefault((cause, len(places) > 1, driver), each)
+    return list(begun.values())[:_PAIRED]
+
+
+def _beside_each(firsts: Sequence[Trial], offered: Offered, unlogged: bool) -> Iterator[tuple[Trial, list[Screened]]]:
+    """Each of ``firsts``, and what may go with it: of two heats by drivers each shows itself alone, but a driver's rate
+    only beside it."""
+    for first in firsts:
+        driven = first.mechanism.key[2]
+        also = ("", f"d({driven})/dt")
+        seconds = [
+            each
+            for each in screen(Scene(first.fitted), offered if driven else lasting_candidates)
+            if _changes(each.mechanism)
+            or (
+                _stores_or_heats(each.mechanism, unlogged or bool(driven)) and each.mechanism.key != first.mechanism.key
+            )
+        ]
+        yield (
+            first,
+            [each for each in seconds if not driven or _changes(each.mechanism) or each.mechanism.key[2] in also],
+        )
+
+
+def _begun_elsewhere(
+    step: Step, firsts: Sequence[Trial], beside: Sequence[Fitted]
+) -> Iterator[tuple[Trial, list[Screened]]]:
+    """Constant heat of ``firsts`` as it is fitted from other points, and losses by a driver: alone it drives time
+    constants to where no loss shows."""
+    for first, point in product([each for each in firsts if _constant(each.mechanism)], beside):
+        started = screen(Scene(point), partial(_alike, first.mechanism))
+        model = point.model.with_mechanism(started[0].mechanism) if started else None
+        fitted = model and fit(model, step.before.records, tolerance=1e-3, prior=step.before.prior)
+        if fitted:
+            losses = [each for each in screen(Scene(fitted), lasting_candidates) if _changes(each.mechanism)]
+            yield Trial.of(step.before, fitted), losses
+
+
+def _alike(mechanism: Mechanism, scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
+    return (each for each in lasting_candidates(scene, columns_of) if each.key == mechanism.key)
 
 
 def each_its_own(step: Step, limits: Limits) -> list[Step]:
@@ -136,9 +173,14 @@ def _stores_or_heats(mechanism: Mechanism, unlogged: bool) -> bool:
     return (heat or mechanism.cause == "thermal_mass") and mechanism.lasts
 
 
+def _constant(mechanism: Mechanism) -> bool:
+    """Whether it is heat that nothing logged drives."""
+    return mechanism.cause == "heat_source" and mechanism.driver is None
+
+
 def _changes(mechanism: Mechanism) -> bool:
-    """Whether it is a loss that is another for a while, or from some time on: what it hides looks like no heater's."""
-    return mechanism.cause == "ambient_coupling" and not mechanism.lasts
+    """Whether it is a loss that is another for a while, or by a driver: what it hides looks like no heater's."""
+    return mechanism.cause == "ambient_coupling"
 
 
 def _heats_several(mechanism: Mechanism) -> bool:

@@ -30,7 +30,7 @@ _POWERS = ("_W", "_kW")
 WARMING = (*_POWERS, "_W_m2", "_kW_m2")
 _COOLERS = {"aircon", "ac", "chiller", "compressor", "cooler", "cooling", "fridge", "peltier", "tec"}
 """Words in the name of what takes heat away by the power that it uses."""
-_RATES = ("_hPa", "_Pa", "_bar")
+PRESSURES = ("_hPa", "_Pa", "_bar")
 """What is compressed warms by its rate; of others only the rate of a share that heats a slow body heats a fast one."""
 _SQUARED = ("_A", "_m_s", "_rpm")
 _ANGLES = ("_deg",)
@@ -125,10 +125,10 @@ class Scene:
         """Simplest first: columns, squares of currents, voltages, speeds, rates, then products with known drivers."""
         plain = [each for each in self.columns if not each.endswith(("_degC", *_ANGLES))][:_MOST_COLUMNS]
         found = [*plain, *(f"{each}^2" for each in plain if each.endswith((*_SQUARED, "_V")))]
-        metered = [each for each in plain if not each.endswith((*WARMING, *_SQUARED, *_CHARGES, *_SHARES, *_RATES))]
+        metered = [each for each in plain if not each.endswith((*WARMING, *_SQUARED, *_CHARGES, *_SHARES, *PRESSURES))]
         found += [f"{each} - {rest:.4g}" for each in metered if (rest := _rest(self._logged[each])) is not None]
         heats = [each for each in self.known_heat if each.endswith("_frac")]
-        found += [f"d({each})/dt" for each in plain if each.endswith(_RATES) or each in heats]
+        found += [f"d({each})/dt" for each in plain if each.endswith(PRESSURES) or each in heats]
         for driver in self.known_heat:
             states = _OF_A_CURRENT if "_A" in driver else _SHARES
             found += [f"{driver}*{other}" for other in plain if other.endswith(states) and other not in driver]
@@ -170,8 +170,10 @@ class Scene:
 
     @cached_property
     def hidden_nodes(self) -> list[str]:
-        """Nodes that mechanisms have added, and that something joins all the time."""
-        return [each for each in self.network.nodes[len(self.nodes) :] if self.conductance(each) > 0]
+        """Nodes that mechanisms have added, joined all the time; nothing else acts on what melts."""
+        melting = {self.network.nodes[body] for _, body, _ in self.network.phases}
+        added = self.network.nodes[len(self.nodes) :]
+        return [each for each in added if self.conductance(each) > 0 and each not in melting]
 
     @cached_property
     def ambient_varies(self) -> bool:

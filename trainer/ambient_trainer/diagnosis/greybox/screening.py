@@ -168,7 +168,10 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
         cause, _, driver = each.mechanism.key
         windowed = ends_within(each.mechanism)
         numbers = len(each.mechanism.numbers) * each.mechanism.shaped
-        kinds: list[tuple[str, object]] = [("cause", (sum(windowed), type(each.mechanism), driver == "", numbers))]
+        several = len(each.mechanism.places) > 1
+        kinds: list[tuple[str, object]] = [
+            ("cause", (sum(windowed), type(each.mechanism), driver == "", numbers, several))
+        ]
         if any(windowed) and cause == "heat_source":
             kinds.append(("where", each.mechanism.places))
         if each.mechanism.adds_nodes and not any(windowed):

@@ -4,6 +4,7 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import itemgetter
 
 import numpy as np
 
@@ -62,26 +63,33 @@ def stepwise(
 def continued(
     found: Selection, together: Fitted, beside: Sequence[Fitted], limits: Limits, progress: Progress | None = None
 ) -> Selection:
-    """The model whose mechanisms were found together, with what that lacks; compared is what ``found`` compared."""
-    steps = steps_to(found.bare, together, found.compared.tried)
+    """The model whose mechanisms were found together, with what that lacks; compared is what ``found`` compared.
+
+    Each is compared with what else does beside all others.
+    """
+    steps: list[Step] = []
+    for step in steps_to(found.bare, together, found.compared.tried):
+        said = partial(_numbered, progress or _silent, len(steps) + 1)
+        rivals = replace(step, trials=_compared([step.before], every_candidate, said)[1])
+        steps.append(_compact(rivals) if steps else rivals)
     return _forward(replace(found, final=together, steps=tuple(steps)), beside, limits, progress, every_candidate)
 
 
 def _forward(
     begun: Selection, beside: Sequence[Fitted], limits: Limits, progress: Progress | None, offered: Offered
 ) -> Selection:
-    said = progress or (lambda stage, done, total: None)
+    said = progress or _silent
     bare, fitted, given = begun.bare, begun.final, len(begun.bare.model.mechanisms)
     steps, compared = list(begun.steps), begun.compared if begun.steps else None
     while len(steps) < MOST_STEPS:
         points = [fitted] if steps else [fitted, *beside]
-        step = _next(fitted, points, limits, offered, partial(_numbered, said, len(steps) + 1))
+        step = _next(points, limits, offered, partial(_numbered, said, len(steps) + 1))
         compared = compared or step
-        together: list[Step] = []
+        pairs = [each_its_own(step, limits)]
         if beside and (not steps or _stuck(step, limits)):
-            together = pair(step, limits, offered, partial(_numbered, said, len(steps) + 1))
-        together = together or each_its_own(step, limits)
-        steps += together or [_compact(step) if steps else step]
+            pairs.append(pair(step, points[1:], limits, offered, partial(_numbered, said, len(steps) + 1)))
+        found = [(each[-1].chosen.rmse_degC, each) for each in pairs if each and each[-1].chosen]
+        steps += min(found, key=itemgetter(0))[1] if found else [_compact(step) if steps else step]
         last = steps[-1].chosen
         if last is not None:
             _log.info("%s: %.3f -> %.3f", last.mechanism, fitted.held_out_rmse_degC, last.rmse_degC)
@@ -131,19 +139,18 @@ def _logged_first(steps: Sequence[Step]) -> Sequence[Step]:
     return [steps[1], beside_second(steps[0], first, second), *steps[2:]]
 
 
+def _silent(stage: str, done: int, total: int) -> None:
+    pass
+
+
 def _numbered(said: Progress, number: int, stage: str, done: int, total: int) -> None:
     said(f"fit effect {number}: {stage}", done, total)
 
 
-def _next(fitted: Fitted, points: Sequence[Fitted], limits: Limits, offered: Offered, said: Progress) -> Step:
-    """One step from ``fitted``; candidates are screened beside each of ``points``."""
-    screened: list[Screened] = []
-    for index, point in enumerate(points):
-        said("screen", index, len(points))
-        screened += screen(Scene(point), lasting_candidates if index else offered)
-    screened.sort(key=lambda each: each.held_out)
-    trials = compared(fitted, shortlist(screened), partial(said, "try"))
-    _log.debug("\n".join(f"{each.rmse_degC:.3f} {each.fitted.rmse_degC:.3f} {each.mechanism}" for each in trials))
+def _next(points: Sequence[Fitted], limits: Limits, offered: Offered, said: Progress) -> Step:
+    """One step from the first of ``points``; candidates are screened beside each."""
+    fitted = points[0]
+    tried, trials = _compared(points, offered, said)
     chosen = choose(fitted, trials, limits.least_degC)
     # what a black box leaves says nothing of readings that jump or stand still
     visible = chosen is not None and (chosen.mechanism.sudden or chosen.mechanism.evident)
@@ -152,8 +159,21 @@ def _next(fitted: Fitted, points: Sequence[Fitted], limits: Limits, offered: Off
         chosen = None if small or chosen.mechanism.instrument else chosen
     if chosen is not None and chosen.mechanism.tuned:
         again = sharpened(chosen.fitted)
-        chosen = Trial.of(fitted, again.refitted() if cheap(again) else again)
-    return Step(fitted, chosen, tuple(trials), len({each.mechanism.key for each in screened}))
+        finer = Trial.of(fitted, again.refitted() if cheap(again) else again)
+        chosen = min(chosen, finer, key=lambda each: each.rmse_degC)
+    return Step(fitted, chosen, trials, tried)
+
+
+def _compared(points: Sequence[Fitted], offered: Offered, said: Progress) -> tuple[int, tuple[Trial, ...]]:
+    """How many candidates were screened beside ``points``, and the best of them, each fitted beside the first point."""
+    screened: list[Screened] = []
+    for index, point in enumerate(points):
+        said("screen", index, len(points))
+        screened += screen(Scene(point), lasting_candidates if index else offered)
+    screened.sort(key=lambda each: each.held_out)
+    trials = compared(points[0], shortlist(screened), partial(said, "try"))
+    _log.debug("\n".join(f"{each.rmse_degC:.3f} {each.fitted.rmse_degC:.3f} {each.mechanism}" for each in trials))
+    return len({each.mechanism.key for each in screened}), tuple(trials)
 
 
 def _without_a_place(mechanism: Mechanism) -> list[Mechanism]:

@@ -3,7 +3,8 @@
 All thresholds are the textbook's. Those of what a residual goes along with hold for all subjects, delays and sensors of
 a report together, by Sidak and Bonferroni: one report in 20 without an effect is meant to have a false alarm. Of 100
 with 100, and 1000, white samples 0 and 1 had one; with an autocorrelation time of 10 samples 4 of 100 with 400, 1 of
-100 with 1200; of 100 samples 7 of 100 with 400; half white noise, half that, 7 of 60 with 100, 9 of 60 with 400.
+100 with 1200; of 100 samples 7 of 100 with 400, 2 of 60 with 1200. It is too often where half is white noise and half
+has an autocorrelation time of 100 samples: 7 of 60 with 100, 9 of 60 with 400.
 """
 
 import math

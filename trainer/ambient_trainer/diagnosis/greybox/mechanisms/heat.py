@@ -12,7 +12,7 @@ from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.scene import PRESSURES, Scene
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.words import share
 
@@ -22,6 +22,9 @@ _LEAST_PER_K, _MOST_PER_K = -0.008, 0.2
 _SPEED, _MOVES_AIR = "_m_s", {"fan", "fans", "blower", "wind", "gust", "vent", "damper"}
 """Of air, which heats nothing, and words in the name of what moves it: of eleven measured sets with such a column it
 heated in none, and in four it went along with what did."""
+_STATES = {"humidity", "moisture", "pressure"}
+"""Words in the name of a state: a level of one heats nothing, though the rate of a pressure does. What hangs on a
+balloon seemed to be heated by the thin air."""
 
 
 @dataclass(frozen=True)
@@ -104,11 +107,16 @@ def windowed(scene: Scene) -> Iterator[Mechanism]:
 
 
 def _heating(drivers: Iterable[Expression]) -> list[Expression]:
-    return [each for each in drivers if not any(map(_moves_air, each.columns))]
+    return [each for each in drivers if not any(map(_moves_air, each.columns)) and not _a_state(each)]
 
 
 def _moves_air(column: str) -> bool:
     return column.endswith(_SPEED) or not _MOVES_AIR.isdisjoint(column.split("_"))
+
+
+def _a_state(driver: Expression) -> bool:
+    words = {word for column in driver.columns for word in column.split("_")}
+    return not driver.text.startswith("d(") and (driver.columns[0].endswith(PRESSURES) or not _STATES.isdisjoint(words))
 
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:
