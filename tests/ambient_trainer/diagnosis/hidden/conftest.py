@@ -13,11 +13,11 @@ from threadpoolctl import threadpool_limits
 
 from ambient_studies.discovery.cases import CAUSES, Case, baselines, simulated
 from ambient_studies.discovery.figures import Outcome
-from ambient_studies.discovery.runner import Bench, size_in_noise, train
+from ambient_studies.discovery.runner import Bench, size_in_noise
 from ambient_studies.discovery.score import score
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.diagnosis.diagnose import diagnose_changed
+from ambient_trainer.diagnosis.diagnose import diagnose_changed, learn_known_good
 from ambient_trainer.diagnosis.result import Diagnosis
 from ambient_trainer.simulator.scenario import load_scenario
 from ambient_trainer.simulator.signals import SIGNALS
@@ -34,7 +34,8 @@ BOX = Path(__file__).parents[3] / "data" / "circuits" / "box.yaml"
 @pytest.fixture(scope="session")
 def bench() -> Bench:
     """The phone's circuit, trained by three known-good runs."""
-    return train(load_circuit("phone"), baselines(BASELINE_SEED), period_s=PERIOD_S)
+    circuit, runs = load_circuit("phone"), baselines(BASELINE_SEED)
+    return Bench(circuit, learn_known_good(circuit, runs, period_s=PERIOD_S), tuple(trace.path for trace in runs))
 
 
 @dataclass(frozen=True)

@@ -459,12 +459,10 @@ def _step(
     H = H + weight
     g = g + weight @ (prior.z - z)
     scale = np.diag(H) + 1e-12
-    # an amount of a mechanism may be far from what its scale was thought to be
-    reach = np.maximum([1.0 if each.log else abs(at) for each, at in zip(model.numbers, z)], 1.0)
     lanes = []
     for damping in _DAMPINGS:
         move = np.linalg.lstsq(H + damping * np.diag(scale), g, rcond=1e-14)[0] if p else np.zeros(0)
-        largest = (np.abs(move) / reach).max(initial=0.0)
+        largest = np.abs(move).max(initial=0.0)
         move = move * min(1.0, _MOST_STEP / largest) if largest > 0 else move
         lanes.append(np.clip(z + move, *bounds))
     zs = np.array([z, *lanes])
