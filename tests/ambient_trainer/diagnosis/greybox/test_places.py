@@ -80,7 +80,7 @@ def rig(seed):
 
 
 def test_a_cooler_in_the_log_shows_itself_beside_heat_that_is_not(pair, seed):
-    """In one of two rigs at least: it was found in 29 of 30."""
+    """In one of two rigs at least: few are not told."""
 
     def found(seed):
         return {(each.cause.name, each.cause.signal) for each in diagnose(pair, [rig(seed)]).steps}
