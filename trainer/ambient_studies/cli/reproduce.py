@@ -23,8 +23,9 @@ def command(output: Output, seed: int) -> None:
     output.check([])
     with staged_progress() as progress:
         found = reproduce(seed, all_methods, published_results(), progress)
-        progress("computing the errata", 0, 1)
-        wanted, evaluated = output.json_path or output.report_folder, found.runs.evaluated
-        errata = computed_errata(found.runs.training, evaluated["3"]) if wanted else []
+        errata = []
+        if output.json_path or output.report_folder:
+            progress("computing the errata", 0, 1)
+            errata = computed_errata(found.runs.training, found.runs.evaluated["3"])
         calibration = outcomes(load_device(), seed) if output.report_folder else []
     output.show(report_of(found, errata, calibration))

@@ -188,7 +188,7 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math
         if not each.at_bounds and not any(_says_the_same(each.mechanism, other, final.records) for other in there)
     ]
     margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
-    total = min(math.log(step.before.held_out_rmse_degC / chosen.rmse_degC), needed)
+    total = min(step.gain, needed)
     sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_EITHER if _doubtful(step, chosen, final.records) else 1.0)
     sure *= max(1.0 - (left_by_window(step.before, chosen) / WANDERS) ** 2, 0.0)
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))

@@ -250,7 +250,8 @@ def residual_tests_table(tests: Sequence[Tested]) -> Table:
     """One row a test, the significant ones first."""
     caption = (
         "Thresholds: the textbook's; all but those of whiteness, periodogram and memory hold for any autocorrelation, "
-        "and together, so that without any effect one report in 20 at most has any of them beyond chance."
+        "and together, so that without any effect one report in 20 is meant to have any of them beyond chance; where "
+        "half of a residual is white noise and half is slow, it is one in 7."
     )
     columns = ("test", "subject", "result", "statistic", "threshold", "beyond chance")
     rows = [

@@ -67,7 +67,8 @@ def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
     reference = np.concatenate([trace.column(REFERENCE) for trace in traces])
     rate = max(np.abs(each[stride:] - each[:-stride]).max() for each in estimates) / (stride * period_s)
     unsure = np.hypot(ridge * noise, _START_OFFSET_DEGC)
-    starts = [_expected_start(each, runs, period_s, unsure) for each in (fit, *(fit.secondary or [])[:1])]
+    both = [fit, *([fit.secondary.fit] if fit.secondary else [])]
+    starts = [_expected_start(each, runs, period_s, unsure) for each in both]
     at_rest = [np.column_stack([np.ones(run.shape[1]), np.tile(run.T, 1 + len(chosen.lags_s))]) for run in runs]
     apart = np.concatenate([_differences(each, count, mean, precision) for each in at_rest])
     sensors = zip(
@@ -132,25 +133,24 @@ def _distribution(gram: Array, deviations: Array) -> tuple[Array, Array]:
     return mean, (precision + precision.T) / 2
 
 
-def _weights(precision: Array, count: int, i: int) -> Array:
-    """Weights of the expectation of reading ``i`` given all that is not of its own."""
-    own = np.arange(i, len(precision), count)
-    weights = -np.linalg.inv(precision[np.ix_(own, own)])[0] @ precision[own]
-    weights[own] = 0.0
-    return np.asarray(weights)
+def _weights(precision: Array, count: int) -> Array:
+    """Weights (m, M) of the expectation of each reading given all that is not of its own."""
+    own = np.arange(len(precision)) % count == np.arange(count)[:, None]
+    weights = [-np.linalg.inv(precision[np.ix_(each, each)])[0] @ precision[each] for each in own]
+    return np.where(own, 0.0, weights)
 
 
 def _differences(table: Array, count: int, mean: Array, precision: Array) -> Array:
     """Differences (N, m) of the readings of a table to what the distribution makes expect."""
     centred = table[:, 1:] - mean
-    return np.asarray(centred[:, :count] - centred @ np.array([_weights(precision, count, i) for i in range(count)]).T)
+    return np.asarray(centred[:, :count] - centred @ _weights(precision, count).T)
 
 
 def _offset_gains(slow: Array, precision: Array) -> Array:
     """The regression (m, m) of constant errors on slow differences, which without them vary as ``slow`` (N, m)."""
     count = slow.shape[1]
-    weights = np.array([_weights(precision, count, i) for i in range(count)])
-    effect = _START_OFFSET_DEGC * (np.eye(count) - weights.reshape(count, -1, count).sum(axis=1))
+    expected = _weights(precision, count).reshape(count, -1, count).sum(axis=1)
+    effect = _START_OFFSET_DEGC * (np.eye(count) - expected)
     return np.asarray(_START_OFFSET_DEGC * effect.T @ np.linalg.inv(effect @ effect.T + slow.T @ slow / len(slow)))
 
 

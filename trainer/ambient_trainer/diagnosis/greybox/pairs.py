@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 
@@ -19,7 +19,9 @@ from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, compared, c
 from ambient_trainer.diagnosis.greybox.windows import Columns
 
 ABOVE_FLOOR = 2.0
-_PAIRED, _LITTLE, _MOSTLY = 4, 0.7, 1 / 3
+_PAIRED, _LITTLE, _MUCH = 4, 0.7, 1 / 3
+"""Seconds are tried beside so many; what leaves more than the one share of the error gains little, and what leaves more
+than the other may be heat that nothing logs: a measured rig's valve left 0.53, a printer's heater, rightly, 0.12."""
 _OWN = 0.1
 """Of the held-out error's logarithm: by how much two heaters, each at its own place, may do worse than one at both,
 where they leave less in sample. In a short log both go up together. In three measured sets of four they were worse by
@@ -43,13 +45,14 @@ def pair(step: Step, beside: Sequence[Fitted], limits: Limits, offered: Offered,
     if chosen is not None and (chosen.evident or (enough and chosen.driver is not None and not squared)):
         return []
     # heat that nothing logged drives may stand for a driver and for what is there without it, or hide it
-    unlogged = chosen is None or _constant(chosen) or single > _MOSTLY * error
+    unlogged = chosen is None or _constant(chosen) or single > _MUCH * error
     firsts = _firsts(step, unlogged)
-    begun = [*_beside_each(firsts, offered, unlogged), *_begun_elsewhere(step, firsts, beside)]
+    total = len(firsts) + len(beside) * sum(_constant(each.mechanism) for each in firsts)
     alone = float(np.log(error)) if step.chosen is None else penalised(step.chosen)
     best: tuple[float, Trial, Trial, list[Trial]] | None = None
+    begun = chain(_beside_each(firsts, offered, unlogged), _begun_elsewhere(step, firsts, beside))
     for index, (first, seconds) in enumerate(begun):
-        said("try pairs", index, len(begun))
+        said("try pairs", index, total)
         rivals = compared(first.fitted, shortlist(seconds), lambda done, total: None)
         for second in rivals:
             score = penalised(second) + PENALTY * complexity(first.mechanism)
@@ -75,23 +78,20 @@ def _firsts(step: Step, unlogged: bool) -> list[Trial]:
 
 
 def _beside_each(firsts: Sequence[Trial], offered: Offered, unlogged: bool) -> Iterator[tuple[Trial, list[Screened]]]:
-    """Each of ``firsts``, and what may go with it: of two heats by drivers each shows itself alone, but a driver's rate
-    only beside it."""
+    """Each of ``firsts``, and what may go with it."""
     for first in firsts:
-        driven = first.mechanism.key[2]
-        also = ("", f"d({driven})/dt")
-        seconds = [
-            each
-            for each in screen(Scene(first.fitted), offered if driven else lasting_candidates)
-            if _changes(each.mechanism)
-            or (
-                _stores_or_heats(each.mechanism, unlogged or bool(driven)) and each.mechanism.key != first.mechanism.key
-            )
-        ]
-        yield (
-            first,
-            [each for each in seconds if not driven or _changes(each.mechanism) or each.mechanism.key[2] in also],
-        )
+        screened = screen(Scene(first.fitted), lasting_candidates if first.mechanism.driver is None else offered)
+        yield first, [each for each in screened if _goes_with(each.mechanism, first.mechanism, unlogged)]
+
+
+def _goes_with(second: Mechanism, first: Mechanism, unlogged: bool) -> bool:
+    """Whether two may show themselves together alone: of two heats by drivers each does so by itself, but a driver's
+    rate only beside it."""
+    driven = first.key[2]
+    if _changes(second):
+        return True
+    other = second.key != first.key and _stores_or_heats(second, unlogged or bool(driven))
+    return other and (not driven or second.key[2] in ("", f"d({driven})/dt"))
 
 
 def _begun_elsewhere(

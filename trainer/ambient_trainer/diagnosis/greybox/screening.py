@@ -168,7 +168,7 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
         cause, _, driver = each.mechanism.key
         windowed = ends_within(each.mechanism)
         numbers = len(each.mechanism.numbers) * each.mechanism.shaped
-        # on a device that known-good records hold, heat everywhere at once is none of its places'
+        # what has changed on a device that known-good records show is at one place
         several = len(each.mechanism.places) > 1 and cause == "heat_source" and each.point.records[0].weight is None
         kinds: list[tuple[str, object]] = [
             ("cause", (sum(windowed), type(each.mechanism), driver == "", numbers, several))

@@ -176,8 +176,9 @@ class Driver(SerialDriver):
         self.line = SerialLine("multiplexer", settings, clock, decode, READ_ERROR, baud=settings.baud, xonxoff=True)
         channels = tuple(self._names)
         expected = f"{len(channels)} reading{'s' * (len(channels) > 1)}, of {channel_list(channels)}"
-        of_them = lambda reply: isinstance(reply, Scan) and reply.channels == channels  # noqa: E731
-        self._read_scan = Query(b"READ?\n", expected, of_them)
+        self._read_scan = Query(
+            b"READ?\n", expected, lambda reply: isinstance(reply, Scan) and reply.channels == channels
+        )
         self._configured = False
 
     def identify(self) -> str:
