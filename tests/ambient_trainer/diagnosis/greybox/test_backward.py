@@ -6,12 +6,13 @@ import numpy as np
 
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.greybox.backward import eliminated
+from ambient_trainer.diagnosis.greybox.choice import Limits, Step
 from ambient_trainer.diagnosis.greybox.mechanisms import mass, path
 from ambient_trainer.diagnosis.greybox.mechanisms.latent import Latent
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import lasting_candidates
-from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
+from ambient_trainer.diagnosis.greybox.stepwise import Selection, bare_fit, continued
 
 from .conftest import heat
 
@@ -29,6 +30,10 @@ def test_what_was_hidden_together_is_left_of_everything(circuit, simulated, reco
     heats = {each.key[2] for each in found.model.mechanisms if each.cause == "heat_source"}
     assert heats == {"", "sun_W_m2", "current_A^2"}, (seed, heats)
     assert found.rmse_degC < 0.06, seed
+    alone = Selection(bare, bare, (), Step(bare, None, (), 0))
+    steps = continued(alone, found, (), Limits(least_degC=0.05)).steps[: len(found.model.mechanisms)]
+    rivals = [{each.mechanism.key for each in step.trials} - {step.chosen.mechanism.key} for step in steps]
+    assert all(rivals), seed
 
 
 def test_nothing_is_left_where_nothing_is_hidden(circuit, simulated, recorded):

@@ -12,7 +12,7 @@ from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.greybox.choice import Limits, Step
 from ambient_trainer.diagnosis.greybox.expression import Expression
-from ambient_trainer.diagnosis.greybox.mechanisms import mass
+from ambient_trainer.diagnosis.greybox.mechanisms import heat, mass
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat, HeatInTheCold
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.pairs import pair
@@ -371,3 +371,29 @@ def test_a_body_that_is_put_there_for_a_while_is_no_place_for_others(circuit, si
     beside = fit(bare.model.with_mechanism(put), records, [None for _ in records], most=2)
     for each in screen(Scene(beside), changed_candidates):
         assert np.isfinite(beside.model.with_mechanism(each.mechanism).z()).all(), str(each.mechanism)
+
+
+def test_a_pressure_heats_by_its_rate_alone(circuit, simulated, recorded):
+    trace = simulated(3)
+    columns = {"air_hPa": 300 + 700 * np.linspace(0, 1, len(trace.time_s)) ** 2}
+    fitted = bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns={**trace.columns, **columns})))
+    drivers = {each.driver.text for each in heat.candidates(Scene(fitted)) if each.driver is not None}
+    assert {each for each in drivers if "humidity" in each or "hPa" in each} == {"d(air_hPa)/dt"}
+
+
+def test_what_is_refined_is_taken_only_where_it_leaves_less(circuit, simulated, recorded, monkeypatch):
+    """A search for a delay that ends beside it: half an hour late, where ten minutes are right."""
+    trace = simulated(6)
+    late = np.interp(trace.time_s - 600.0, trace.time_s, trace.columns["sun_W_m2"])
+    warmer = trace.columns["board_degC"] + lfilter([0.001], [1, -0.95], late)
+    bare = bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns={**trace.columns, "board_degC": warmer})))
+
+    def heated(delay_s):
+        return Heat(("board",), (Number("heat_board", "W", 0.01),), Expression(f"delay(sun_W_m2, {delay_s})"))
+
+    def spoiled(fitted, index=-1):
+        return fit(bare.model.with_mechanism(heated(1800)), fitted.records, prior=fitted.prior)
+
+    monkeypatch.setitem(stepwise.__globals__, "sharpened", spoiled)
+    step = stepwise(bare, (), Limits(), offered=lambda scene, columns: iter([heated(600)])).steps[0]
+    assert step.chosen.mechanism.driver.text == "delay(sun_W_m2, 600)"
