@@ -11,6 +11,7 @@ from ambient_trainer.api.diagnosing import DiagnosisResult
 from ambient_trainer.diagnosis.diagnose import _misfits
 from ambient_trainer.diagnosis.figures import driving
 from ambient_trainer.diagnosis.findings import _confidence, _numbers, _rival
+from ambient_trainer.diagnosis.greybox.choice import Step
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.mass import HiddenMass
@@ -46,7 +47,7 @@ def tried(mechanism: Mechanism, records: Sequence[SimpleNamespace] = (), rmse_de
 
 def sure(chosen: Trial, *others: Trial, also: Sequence[Trial] = ()) -> float:
     """The confidence in a trial beside others, where the final model holds it, and what else it holds."""
-    step = SimpleNamespace(before=SimpleNamespace(held_out_rmse_degC=2.0), trials=[chosen, *others])
+    step = Step(SimpleNamespace(held_out_rmse_degC=2.0), chosen, (chosen, *others), 1)
     model = SimpleNamespace(mechanisms=[each.mechanism for each in (chosen, *also)])
     return _confidence(step, chosen, SimpleNamespace(model=model, records=chosen.fitted.records))
 
