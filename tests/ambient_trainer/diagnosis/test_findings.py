@@ -47,8 +47,9 @@ def tried(mechanism: Mechanism, records: Sequence[SimpleNamespace] = (), rmse_de
 
 def sure(chosen: Trial, *others: Trial, also: Sequence[Trial] = ()) -> float:
     """The confidence in a trial beside others, where the final model holds it, and what else it holds."""
-    step = Step(SimpleNamespace(held_out_rmse_degC=2.0), chosen, (chosen, *others), 1)
     model = SimpleNamespace(mechanisms=[each.mechanism for each in (chosen, *also)])
+    before = SimpleNamespace(held_out_rmse_degC=2.0, model=SimpleNamespace(mechanisms=model.mechanisms[1:]))
+    step = Step(before, chosen, (chosen, *others), 1)
     return _confidence(step, chosen, SimpleNamespace(model=model, records=chosen.fitted.records))
 
 
@@ -99,6 +100,32 @@ def test_a_window_is_no_rival_of_the_logged_heater_that_acts_or_was_switched_on_
     chosen = tried(heat("heater_on", board=(1, 1)), logged(heater_on=1.0 * ((time_s > 50) & (time_s < off_s))))
     window = replace(heat(None, board=(1, 1)), onset_s=onset_s, end_s=onset_s + lasts_s)
     assert (sure(chosen, replace(chosen, mechanism=window, rmse_degC=0.3)) > 0.9) == told
+
+
+def test_what_a_window_that_stands_for_the_heater_has_beaten_is_no_rival_of_the_heater():
+    """A heater whose body is still missing: its window does better, and so would a sensor that is off for as long."""
+    time_s = np.arange(400.0)
+    chosen = tried(heat("heater_on", board=(1, 1)), logged(heater_on=1.0 * ((time_s > 50) & (time_s < 150))))
+    there, apart = {"onset_s": 55, "end_s": 145}, {"onset_s": 250, "end_s": 340}
+    off = replace(chosen, mechanism=Bias(("lid",), (Number("bias_lid", "degC", 1.0),), **there), rmse_degC=0.3)
+
+    def beside(when: dict[str, int]) -> float:
+        window = replace(heat(None, board=(1, 1)), **when)
+        return sure(chosen, replace(chosen, mechanism=window, rmse_degC=0.1), off)
+
+    assert beside(there) > 0.9
+    assert beside(apart) < 0.1
+
+
+def test_the_rest_of_what_is_there_is_no_rival():
+    """Heat at the second place by a driver of heat at the first, where the final model holds it at both."""
+    records = logged(one_frac=np.random.default_rng(1).random(200), other_frac=np.random.default_rng(2).random(200))
+    chosen, first = tried(heat("other_frac", lid=(1, 1)), records), heat("one_frac", board=(1, 1))
+    rest = tried(heat("one_frac", lid=(1, 1)), records, 0.45)
+    before = SimpleNamespace(held_out_rmse_degC=2.0, model=SimpleNamespace(mechanisms=[first]))
+    final = SimpleNamespace(mechanisms=[chosen.mechanism, heat("one_frac", board=(1, 1), lid=(1, 1))])
+    step = Step(before, chosen, (rest, chosen), 1)
+    assert _confidence(step, chosen, SimpleNamespace(model=final, records=records)) > 0.9
 
 
 BODY = Number("G_board_mass", "W/K", 1.0, log=True), Number("lag_board_mass", "s", 9.0, log=True)

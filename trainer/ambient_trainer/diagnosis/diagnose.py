@@ -15,7 +15,7 @@ from ambient_model.faults import Fault, Refused
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.addition import with_values
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.diagnosis.findings import (
     ambient_rests,
     held_at_the_end,
@@ -56,6 +56,8 @@ _SLOW = 1.0 / 3.0
 """Of the record: a mass that is slower is a boundary of unknown temperature."""
 _NO_ROOM_DEGC = 20.0
 """No room is so much warmer than its log says."""
+_ALIKE = 0.5
+"""Of the largest rise, what the least has to be where a warmer room may be behind both."""
 _MUCH_BETTER = 0.3
 """Of the held-out error's logarithm, with what a model assumes: what was found together by more is taken."""
 _SHORTEST = 5
@@ -314,17 +316,21 @@ def _confounded(selection: Selection) -> bool:
     longest_s = max(record.samples * record.period_s for record in final.records)
     if first.cause == "thermal_mass":
         return _settles_in_s(first, final) > _SLOW * longest_s
-    constant = first.cause == "heat_source" and first.driver is None
-    return constant and _rise_degC(first, final) < _NO_ROOM_DEGC
+    if first.cause != "heat_source" or first.driver is not None:
+        return False
+    rises_degC = np.abs(_rises_degC(first, final))
+    # for a while a room warms all that it holds alike
+    return bool(rises_degC.max() < _NO_ROOM_DEGC and (first.lasts or rises_degC.min() > _ALIKE * rises_degC.max()))
 
 
-def _rise_degC(heat: Mechanism, fitted: Fitted) -> float:
-    """By how much constant heat warms a node in a steady state, at most."""
+def _rises_degC(heat: Mechanism, fitted: Fitted) -> Array:
+    """By how much constant heat warms each of the circuit's nodes in a steady state."""
     network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
     between, out = network.between[0], network.to_boundary[0].sum(axis=1)
     into = np.zeros(len(out))
     into[[network.index(each) for each in heat.places]] = [each.value for each in heat.numbers]
-    return float(np.abs(np.linalg.lstsq(np.diag(between.sum(axis=1) + out) - between, into)[0]).max())
+    steady = np.linalg.lstsq(np.diag(between.sum(axis=1) + out) - between, into)[0]
+    return np.asarray(steady[: len(fitted.model.circuit.states)])
 
 
 def _settles_in_s(mass: Mechanism, fitted: Fitted) -> float:

@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 from scipy.stats import norm, wilcoxon
@@ -181,13 +183,13 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math
     not there, too, and by what is ``needed`` of it at the end."""
     if chosen.mechanism.evident:
         return _EVIDENT
+    sound = [each for each in step.trials if not each.at_bounds]
     there = [chosen.mechanism, *final.model.mechanisms]
-    others = [
-        each
-        for each in step.trials
-        if not each.at_bounds and not any(_says_the_same(each.mechanism, other, final.records) for other in there)
-    ]
-    margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
+    others = [each for each in sound if not _are_there(_everywhere(each.mechanism, step.before), there, final.records)]
+    # what stands for the cause chosen has beaten the others for it
+    same = [penalised(each) for each in sound if _says_the_same(each.mechanism, chosen.mechanism, final.records)]
+    best = min([penalised(chosen), *same])
+    margin = min((penalised(each) + _handicap(each, chosen) - best for each in others), default=1.0)
     total = min(step.gain, needed)
     sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_EITHER if _doubtful(step, chosen, final.records) else 1.0)
     sure *= max(1.0 - (left_by_window(step.before, chosen) / WANDERS) ** 2, 0.0)
@@ -250,6 +252,17 @@ def _moves(record: Record) -> bool:
     """Whether the ambient changes, or anything else that is logged and no temperature."""
     inputs = (row for name, row in record.signals.items() if name == REFERENCE or not name.endswith("_degC"))
     return any(np.ptp(row) > 0 for row in inputs)
+
+
+def _everywhere(mechanism: Mechanism, before: Fitted) -> Mechanism:
+    """It at the places, too, where the same was there before."""
+    cause, places, driver = mechanism.key
+    same = [each.places for each in before.model.mechanisms if (each.cause, each.key[2]) == (cause, driver)]
+    return replace(mechanism, places=tuple(dict.fromkeys(chain(places, *same))))
+
+
+def _are_there(mechanism: Mechanism, there: Sequence[Mechanism], records: Sequence[Record]) -> bool:
+    return any(_says_the_same(mechanism, each, records) for each in there)
 
 
 def _says_the_same(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:

@@ -28,7 +28,7 @@ Columns = Callable[[Mechanism], Array]
 
 
 def best_windows(fitted: Fitted, mechanism: Mechanism, columns: Columns) -> Iterator[Mechanism]:
-    """``mechanism`` in the window in which one amount of it explains most, and in the best that is open on one side.
+    """``mechanism`` in the window in which it explains most, and in the best that is open on one side.
 
     A large change bends what it does: to first order it looks as if it had ended, where it has only begun.
     """
@@ -46,7 +46,7 @@ def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns, closed: 
     """``mechanism`` in the best window of all, or, not ``closed``, of those that are open on one side; None where there
     is none."""
     record = max(fitted.records, key=lambda each: each.samples)
-    if record.samples < 4 * _COARSE or len(mechanism.probes()) != 1:
+    if record.samples < 4 * _COARSE:
         return None
     begin, end = float(record.time_s[0]), float(record.time_s[-1])
     step, shortest, project = (end - begin) / _COARSE, _SHORTEST * record.period_s, _projector(fitted)
@@ -135,17 +135,22 @@ def _best(
 ) -> tuple[float, float | None] | None:
     """The onset of the best window, and its end (None: it lasts); not ``closed`` is open on one side."""
     times = np.array(sorted(acting))
-    C = np.column_stack([acting[each][:, 0] for each in times])
-    G, b = C.T @ C, C.T @ left
+    C = np.concatenate([acting[each] for each in times], axis=1)
+    shape = len(times), C.shape[1] // len(times)
+    G = (C.T @ C).reshape(*shape, *shape).swapaxes(1, 2)
+    b = (C.T @ left).reshape(shape)
     first, last = np.searchsorted(times, on)[:, None], np.searchsorted(times, off)
     lasting = on[:, None] > begin
     ending = (off - on[:, None] >= shortest) & (closed | ~lasting)
-    sizes = np.hstack([G[first, first], G[first, first] + G[last, last] - 2 * G[first, last]])
-    amounts = np.hstack([b[first], b[first] - b[last]])
+    ended = G[first, first] + G[last, last] - G[first, last] - G[last, first]
+    sizes = np.concatenate([G[first, first], ended], axis=1)
+    amounts = np.concatenate([b[first], b[first] - b[last]], axis=1)
     # a window that ends needs one number more
     price = np.array([1.0] + [0.97] * len(off))
-    gains = np.zeros_like(sizes)
-    np.divide(price * amounts**2, sizes, out=gains, where=sizes > 1e-12 * G.max())
+    shown = np.trace(sizes, axis1=2, axis2=3) > 1e-12 * G.max()
+    gains = np.zeros(shown.shape)
+    solved = np.linalg.pinv(sizes[shown], rcond=1e-9, hermitian=True) @ amounts[shown][:, :, None]
+    gains[shown] = (price * np.ones_like(gains))[shown] * np.einsum("wk,wk->w", amounts[shown], solved[:, :, 0])
     gains = np.where(np.hstack([lasting, ending]), gains, -1.0)
     onset, end = np.unravel_index(np.argmax(gains), gains.shape)
     if gains[onset, end] < 0:
