@@ -13,6 +13,7 @@ from ambient_trainer.diagnosis.figures import driving
 from ambient_trainer.diagnosis.findings import _confidence, _numbers, _rival
 from ambient_trainer.diagnosis.greybox.choice import Step
 from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.mechanisms.coupling import ZoneLoss
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.mass import HiddenMass
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Clock, Lag
@@ -38,7 +39,8 @@ def test_the_size_shown_is_that_of_the_largest_amount_and_not_of_the_finest_scal
 def logged(period_s: float = 1.0, **columns: np.ndarray) -> list[SimpleNamespace]:
     """A record of these columns."""
     samples = len(next(iter(columns.values())))
-    return [SimpleNamespace(signals=columns, period_s=period_s, samples=samples, time_s=period_s * np.arange(samples))]
+    time_s = period_s * np.arange(samples)
+    return [SimpleNamespace(signals=columns, period_s=period_s, samples=samples, time_s=time_s, weight=None)]
 
 
 def tried(mechanism: Mechanism, records: Sequence[SimpleNamespace] = (), rmse_degC: float = 0.5) -> Trial:
@@ -129,7 +131,8 @@ def test_the_rest_of_what_is_there_is_no_rival():
 
 
 BODY = Number("G_board_mass", "W/K", 1.0, log=True), Number("lag_board_mass", "s", 9.0, log=True)
-DOUBTED = heat(None, board=(1, 1)), heat("d(heater_frac)/dt", board=(1, 1)), HiddenMass(("board",), BODY)
+ZONE = ZoneLoss(("board",), (Number("change_board", "1", 1.0),), Expression("ambient_degC > 20"))
+DOUBTED = heat(None, board=(1, 1)), heat("d(heater_frac)/dt", board=(1, 1)), HiddenMass(("board",), BODY), ZONE
 
 
 @pytest.mark.parametrize("mechanism", DOUBTED, ids=str)
