@@ -524,8 +524,8 @@ class _Reading:
         main = model.main
         if model.secondary is None:
             for index, term in enumerate(model.error_variance.terms if model.error_variance else ()):
-                if term.of == "guard":
-                    self.fault(f"spread.terms[{index}].of", "is 'guard', and there is none", "add the key 'guard'")
+                if term.of != "movement":
+                    self.fault(f"spread.terms[{index}].of", f"is '{term.of}', and there is none", "add the key 'guard'")
             return
         if model.secondary.estimator.inputs != main.inputs:
             self.fault(

@@ -2,13 +2,14 @@
 
     L[z][k] = L[z][k-1] + a (z[k] - L[z][k-1]),  a = 1 - exp(-T / lag),  L[z][0] = z[0]
     movement = L[(y - L[y])^2]
-    guard    = L[d^2]
+    guard    = L[d^2],  guard_above = L[max(d, 0)^2],  guard_below = L[min(d, 0)^2]
     sigma^2  = constant + sum of weight x term
 
 y is the published estimate; d is the main estimate minus the secondary one, limited to plus or minus the threshold; T
-is the time since the previous sample; each term has a lag of its own. The published interval is y plus sigma times the
-quantiles. The model file's key of this model is ``spread``, and ``movement`` and ``guard`` are the regressors' names
-there.
+is the time since the previous sample; each term has a lag of its own. Unmeasured heat of one kind drives the two
+estimators apart to one side, of another kind to the other, with errors of another size. The published interval is y
+plus sigma times the quantiles. The model file's key of this model is ``spread``, and ``movement``, ``guard``,
+``guard_above`` and ``guard_below`` are the regressors' names there.
 """
 
 import math
@@ -33,8 +34,8 @@ def gains(model: ErrorVariance, passed_s: float) -> tuple[float, ...]:
 
 def initial_state(model: ErrorVariance, ambient_degC: float, difference_degC: float) -> VarianceState:
     """State at the first sample: steady, so that only the difference of the two estimators counts."""
-    squares = [difference_degC * difference_degC if term.of == "guard" else 0.0 for term in model.terms]
-    return VarianceState((ambient_degC,) * len(model.terms), tuple(squares))
+    apart = [0.0 if term.of == "movement" else _side(term.of, difference_degC) for term in model.terms]
+    return VarianceState((ambient_degC,) * len(model.terms), tuple([z * z for z in apart]))
 
 
 def advanced(
@@ -45,7 +46,7 @@ def advanced(
     for term, gain, mean, square in zip(model.terms, a, before.means_degC, before.squares_degC2):
         mean += gain * (ambient_degC - mean)
         means.append(mean)
-        z = difference_degC if term.of == "guard" else ambient_degC - mean
+        z = ambient_degC - mean if term.of == "movement" else _side(term.of, difference_degC)
         squares.append(square + gain * (z * z - square))
     return VarianceState(tuple(means), tuple(squares))
 
@@ -56,3 +57,10 @@ def sigma_degC(model: ErrorVariance, state: VarianceState) -> float:
     for term, square in zip(model.terms, state.squares_degC2):
         variance += term.weight * square
     return math.sqrt(variance)
+
+
+def _side(of: str, difference_degC: float) -> float:
+    """What of the difference the regressor of that name is made of."""
+    if of == "guard":
+        return difference_degC
+    return max(difference_degC, 0.0) if of == "guard_above" else min(difference_degC, 0.0)

@@ -18,8 +18,9 @@ Quantiles = dict[int, Band]
 LEVELS_PERCENT = (50, 90, 98)
 SCORES = {50: 0.674, 90: 1.645, 98: 2.326}
 """Standard deviations of a normal distribution within which that percentage lies."""
-REGRESSORS = ("movement", "guard")
-"""Regressors of the error variance: the estimate's rate of change, its difference to the secondary estimate."""
+REGRESSORS = ("movement", "guard", "guard_above", "guard_below")
+"""Regressors of the error variance: the estimate's rate of change, the main estimate's difference to the secondary one,
+and that difference where it is above, and below."""
 
 
 class Input(NamedTuple):

@@ -119,13 +119,16 @@ def _secondary(model: Model, period_s: float, u: list[str], p: list[str]) -> lis
     ]
 
 
+_SIDES = {"guard": "difference", "guard_above": "max(difference, 0.0)", "guard_below": "min(difference, 0.0)"}
+
+
 def _sigma(model: ErrorVariance, period_s: float, level: int, has_secondary: bool) -> list[str]:
     """:func:`ambient_model.error_variance.advanced` and its ``sigma_degC``."""
     means, squares = _names("m", len(model.terms)), _names("q", len(model.terms))
     lines = [f"{_list(means)}, {_list(squares)} = observer._variance"]
     for term, a, m, q in zip(model.terms, gains(model, period_s), means, squares):
         lines.append(f"{m} += {a!r} * (ambient - {m})")
-        z = f"(ambient - {m})" if term.of != "guard" else "difference" if has_secondary else "0.0"
+        z = f"(ambient - {m})" if term.of == "movement" else _SIDES[term.of] if has_secondary else "0.0"
         lines.append(f"{q} += {a!r} * ({z} * {z} - {q})")
     low, high = model.quantiles[level]
     pair = ", ".join(f"({''.join(f'{name}, ' for name in names)})" for names in (means, squares))

@@ -186,6 +186,7 @@ spread.terms=@spread.terms*3
 spread.quantiles.98=[-0.5,2.25]
 spread.quantiles.50=
 guard= -> spread.terms[2].of
+guard= & spread.terms[0].of="guard_below" -> spread.terms[0].of spread.terms[2].of
 guard.offset=null & guard.threshold_degC=0 & spread.terms[0].weight=-1 -> guard.offset guard.threshold_degC \
     spread.terms[0].weight
 """

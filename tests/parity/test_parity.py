@@ -33,7 +33,10 @@ PERIODS_S = (0.1, 0.2, 0.5, 1.0)
 TOLERANCE_DEGC = 1e-9
 MODELS = ("free-3", "model2_ss", "model2_ss_free_cd")
 THRESHOLD_DEGC = 1.0
-TERMS = (Term("movement", 300.0, 0.5), Term("movement", 40.0, 3.0), Term("guard", 60.0, 0.25))
+TERMS = (
+    *(Term("movement", 300.0, 0.5), Term("movement", 40.0, 3.0), Term("guard", 60.0, 0.25)),
+    *(Term("guard_above", 90.0, 0.5), Term("guard_below", 20.0, 0.75)),
+)
 CONSTANT_DEGC2 = 0.09
 QUANTILES = {50: (-0.6, 0.7), 90: (-1.5, 1.8), 98: (-2.4, 2.5)}
 
@@ -141,7 +144,9 @@ def _by_equations(first, second, u, period_s):
     slow, fast = ((y - _low_pass(y, lag_s, period_s)) ** 2 for lag_s in (300.0, 40.0))
     variance = CONSTANT_DEGC2 + 0.5 * _low_pass(slow, 300.0, period_s) + 3.0 * _low_pass(fast, 40.0, period_s)
     apart = np.clip(d, -THRESHOLD_DEGC, THRESHOLD_DEGC)
-    return y, w, np.sqrt(variance + 0.25 * _low_pass(apart**2, 60.0, period_s))
+    sides = 0.5 * _low_pass(np.maximum(apart, 0) ** 2, 90.0, period_s)
+    sides += 0.75 * _low_pass(np.minimum(apart, 0) ** 2, 20.0, period_s)
+    return y, w, np.sqrt(variance + 0.25 * _low_pass(apart**2, 60.0, period_s) + sides)
 
 
 @pytest.mark.parametrize("period_s", [0.1, 1.0])

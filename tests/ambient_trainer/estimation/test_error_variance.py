@@ -61,6 +61,22 @@ def test_what_counts_twice_is_like_having_it_twice():
     assert weighted.quantiles[90][1] == pytest.approx(twice.quantiles[90][1], rel=1e-3)
 
 
+def test_heat_that_drives_the_estimators_apart_to_one_side_has_an_interval_of_its_own():
+    """At times the secondary estimate lies 0.5 degC above or below, and errors are four times as large on one side."""
+
+    def drawn(seed):
+        random = np.random.default_rng(seed)
+        apart = np.repeat(random.choice([0.0, 0.5, -0.5], 60, p=[0.8, 0.1, 0.1]), 500)
+        off = np.where(apart > 0, 0.4, np.where(apart < 0, 1.6, 0.2)) * random.standard_normal(len(apart))
+        return Moment(np.full(len(apart), 20.0), 20 + off, apart)
+
+    terms = [Term(of, 30.0, 1.0) for of in ("guard_above", "guard_below")]
+    model, (estimate, reference, apart, _) = fit_error_variance([drawn(1)], PERIOD_S, terms), drawn(2)
+    reach = model.quantiles[90][1] * sigma_degC(model, estimate, apart, PERIOD_S)
+    for side in (apart > 0, apart < 0):
+        assert 0.85 < np.mean(np.abs(reference - estimate)[side] <= reach[side]) < 0.97
+
+
 def segment(count, period_s=1.0):
     return Segment(period_s, np.zeros((1, count)), np.zeros((1, count)))
 

@@ -21,7 +21,7 @@ _LAGS_IN_DATA = 50
 _FREEDOM = 3.0
 _LEAST = 1e-6
 """The share of the whole variance below which a term is none."""
-_INTERVAL = 90
+_SIDES = {"guard": (-np.inf, np.inf), "guard_above": (0.0, np.inf), "guard_below": (-np.inf, 0.0)}
 _SHOWN_PERCENT = (10, 50, 90, 99)
 
 
@@ -60,7 +60,7 @@ def fit_error_variance(moments: Sequence[Moment], period_s: float, terms: Sequen
 def half_widths(model: ErrorVariance, moments: Iterable[Moment], period_s: float) -> dict[str, float]:
     """Half the width of the 90 % interval in degC, by the percentage of samples over which it is narrower."""
     sigmas = [sigma_degC(model, *each[::2], period_s) for each in moments]
-    halves = np.percentile(np.concatenate(sigmas) * model.quantiles[_INTERVAL][1], _SHOWN_PERCENT)
+    halves = np.percentile(np.concatenate(sigmas) * model.quantiles[90][1], _SHOWN_PERCENT)
     return {str(percent): float(half) for percent, half in zip(_SHOWN_PERCENT, halves)}
 
 
@@ -74,7 +74,7 @@ def regressors_degC2(terms: Sequence[Term], ambient_degC: Array, apart_degC: Arr
     """The constant's regressor and each term's, before their weights, (1 + q, N)."""
     rows = [np.ones_like(ambient_degC)]
     for term in terms:
-        off = apart_degC + 0 * ambient_degC
+        off = np.clip(apart_degC + 0 * ambient_degC, *_SIDES.get(term.of, (0.0, 0.0)))
         if term.of == "movement":
             off = ambient_degC - low_pass(ambient_degC, term.lag_s, period_s, ambient_degC[0])
         rows.append(low_pass(off**2, term.lag_s, period_s, off[0] ** 2))

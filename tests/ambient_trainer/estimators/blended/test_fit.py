@@ -46,7 +46,8 @@ def test_the_file_holds_all_that_a_device_needs(fitted, model):
     assert all(len(each.states) == 4 for each in everyone)
     assert all([one.period_s for one in each.discrete] == [0.1, 0.2, 0.5, 1.0, 5.0] for each in everyone)
     assert model.secondary.threshold_degC == fit.secondary.threshold_degC
-    assert [(term.of, term.lag_s) for term in model.error_variance.terms] == [("movement", 300.0), ("guard", 60.0)]
+    lags = [(term.of, term.lag_s) for term in model.error_variance.terms]
+    assert lags == [("movement", 300.0), ("guard_above", 60.0), ("guard_below", 60.0)]
     low, high = model.error_variance.quantiles[90]
     assert low == -high < 0
 

@@ -88,6 +88,8 @@ def test_the_noise_gain_is_below_two(model):
 def test_the_interval_holds_what_it_says(scored):
     samples = [each.scored for each in scored.values()]
     assert 0.87 < np.average([each.coverage[90] for each in scored.values()], weights=samples) < 0.93
+    for name in SCENARIOS:
+        assert np.mean([scored[name, seed].coverage[90] for seed in UNSEEN]) > 0.8, name
 
 
 def test_the_guard_is_blended_in_when_the_phone_charges_and_hardly_else(scored):

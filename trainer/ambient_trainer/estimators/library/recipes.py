@@ -120,8 +120,8 @@ class RecipeEstimator(Estimator):
         # errors are smaller in the very runs that the filters were fitted to
         moments = unseen(recipe, fit, replace(design, draw=1).runs(records))
         lags = recipe.error_variance
-        terms = (Term("movement", lags.movement_lag_s, 1.0), Term("guard", lags.secondary_lag_s, 1.0))
-        variance = fit_error_variance(moments, period, terms)
+        sides = (Term(of, lags.secondary_lag_s, 1.0) for of in ("guard_above", "guard_below"))
+        variance = fit_error_variance(moments, period, (Term("movement", lags.movement_lag_s, 1.0), *sides))
         return _assembled(recipe, replace(fit, error_variance=variance), fitted, logged)
 
 
