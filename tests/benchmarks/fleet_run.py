@@ -8,6 +8,7 @@ import tempfile
 import time
 
 from ambient_trainer.estimators.base import Effort
+from ambient_trainer.fleet.dataset import Source
 from ambient_trainer.fleet.engine import Engine, engine_of
 from ambient_trainer.fleet.run import Question, fit_fleet
 
@@ -47,7 +48,7 @@ def main() -> None:
     engine = Timed(None if name == "serial" else engine_of(name, int(workers)))
     with tempfile.TemporaryDirectory() as folder:
         begun = time.perf_counter()
-        fit_fleet(Question(path, "free-2", effort=Effort(starts=4)), folder, engine)
+        fit_fleet(Question(path, "free-2", Source("unit"), effort=Effort(starts=4)), folder, engine)
         done = time.perf_counter()
     found = {
         "start_s": engine.start_s,

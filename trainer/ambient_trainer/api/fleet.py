@@ -3,7 +3,6 @@
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import pandas as pd
 
@@ -13,13 +12,14 @@ from ambient_model.model import Model
 from ambient_trainer.api.data import sensor_columns
 from ambient_trainer.api.result import Result
 from ambient_trainer.estimators.base import Effort
+from ambient_trainer.fleet.dataset import Source
 from ambient_trainer.fleet.engine import engine_of
 from ambient_trainer.fleet.report import report_of
 from ambient_trainer.fleet.run import FleetFit, Question
 from ambient_trainer.fleet.run import fit_fleet as fit_every_unit
 from ambient_trainer.report import Report
 
-_LOGS = "logs.parquet"
+_LOGS, _ROWS = "logs.parquet", 100_000
 
 
 @dataclass(frozen=True, repr=False)
@@ -125,25 +125,18 @@ def fit_fleet(
     """
     place = os.fspath(folder)
     path = _written(logs, by, place) if isinstance(logs, pd.DataFrame) else os.fspath(logs)
-    question = Question(path, circuit, by, tuple(within or ()), sensor_columns(sensors), effort or Effort(), diagnose)
+    source = Source(by, tuple(within or ()))
+    question = Question(path, circuit, source, sensor_columns(sensors), effort or Effort(), diagnose)
     running, silent = engine_of(engine, jobs or os.cpu_count() or 1), lambda *_: None
     return FleetResult(fit_every_unit(question, place, running, resume, progress or silent, announce or silent))
 
 
 def _written(frame: pd.DataFrame, by: str, folder: str) -> str:
-    """The frame as a dataset that workers can read, a row group a unit."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+    """The frame as a dataset that workers can read, the rows of a unit together."""
     if by not in frame.columns:
         raise refuse("DataFrame", "", f"no column {by!r}", "name the column that holds the unit: by=...")
     os.makedirs(folder, exist_ok=True)
-    path = str(Path(folder, _LOGS))
+    path = os.path.join(folder, _LOGS)
     whole = frame.reset_index() if frame.index.name == "time_s" else frame
-    schema = pa.Schema.from_pandas(whole, preserve_index=False)
-    with pq.ParquetWriter(path, schema) as writer:
-        for _, rows in whole.groupby(by, sort=True):
-            writer.write_table(
-                pa.Table.from_pandas(rows, schema, preserve_index=False), row_group_size=max(len(rows), 1)
-            )
+    whole.sort_values(by, kind="stable").to_parquet(path, index=False, row_group_size=_ROWS)
     return path

@@ -1,11 +1,9 @@
 """No traceback reaches a user: status 0 is done, 1 the work failed, 2 the call was wrong, and a message says why."""
 
-import ast
 import importlib
 import importlib.util
 import os
 import sys
-from pathlib import Path
 
 import click
 
@@ -18,7 +16,7 @@ STUDIES = "ambient_studies.cli"
 
 
 class _LazyCommands(click.Group):
-    """Imports a command's module when the command is called, and for ``--help`` reads its docstring only."""
+    """Finds commands by their place; their modules import what is heavy only when they are called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return [*plugin_names(COMMANDS), *_studies()]
@@ -39,22 +37,13 @@ class _LazyCommands(click.Group):
             limit = formatter.width - 6 - max(map(len, modules), default=0)
             if modules:
                 with formatter.section(heading):
-                    formatter.write_dl([(name, _short_help(module, limit)) for name, module in modules.items()])
+                    commands = {name: importlib.import_module(module).command for name, module in modules.items()}
+                    formatter.write_dl([(name, each.get_short_help_str(limit)) for name, each in commands.items()])
 
 
 def _studies() -> dict[str, str]:
     """The commands of the studies, by name; none where they are not installed."""
     return plugin_names(STUDIES) if importlib.util.find_spec(STUDIES.partition(".")[0]) else {}
-
-
-def _short_help(module: str, limit: int) -> str:
-    """The first sentence of the docstring of ``command`` in ``module``, which is not imported: numpy takes a second."""
-    spec = importlib.util.find_spec(module)
-    source = ast.parse(Path(spec.origin).read_text("utf-8")) if spec and spec.origin else ast.parse("")
-    for node in source.body:
-        if isinstance(node, ast.FunctionDef) and node.name == "command":
-            return click.Command(node.name, help=ast.get_docstring(node)).get_short_help_str(limit)
-    return ""
 
 
 @click.command(cls=_LazyCommands, context_settings={"help_option_names": ["-h", "--help"], "show_default": True})

@@ -147,24 +147,16 @@ def _entries_in(file: str, path: str, by: str) -> Iterator[Entry]:
         columns = opened.schema_arrow.names
         for index in range(opened.metadata.num_row_groups):
             rows = opened.metadata.row_group(index).num_rows
-            counts = _units_in(opened, index, by) if by in columns and by not in labels else {name: rows}
+            counts = {name: rows}
+            if by in columns and by not in labels:
+                found = opened.read_row_group(index, columns=[by]).column(0).value_counts()
+                counts = {str(each["values"].as_py()): each["counts"].as_py() for each in found}
             for unit, count in counts.items():
                 yield Entry(unit, (Piece(file, index),), count, 8 * count * len(columns), kept)
         if not opened.metadata.num_row_groups:
             yield Entry(name, (Piece(file),), 0, 0, kept, "no rows")
     except (OSError, ValueError) as error:
         yield Entry(name, (Piece(file),), 0, 0, kept, _unreadable(error))
-
-
-def _units_in(opened: pq.ParquetFile, index: int, by: str) -> dict[str, int]:
-    """The units of a row group and their rows: from its statistics where there is one, else from the column."""
-    group = opened.metadata.row_group(index)
-    known = next((c for c in map(group.column, range(group.num_columns)) if c.path_in_schema == by), None)
-    numbers = known.statistics if known is not None else None
-    if numbers is not None and numbers.has_min_max and numbers.min == numbers.max and not numbers.null_count:
-        return {str(numbers.min): group.num_rows}
-    counted = opened.read_row_group(index, columns=[by]).column(0).value_counts()
-    return {str(each["values"].as_py()): each["counts"].as_py() for each in counted}
 
 
 def _unreadable(error: Exception) -> str:

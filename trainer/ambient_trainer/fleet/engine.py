@@ -42,14 +42,14 @@ _PATIENCE_S = 60.0
 
 
 class Job(NamedTuple):
-    """Numbered tasks of one kind: ``task(items(number), *rest)`` gives a result an item.
+    """Numbered tasks of one kind: ``task(items[number], *rest)`` gives a result an item.
 
-    ``items`` is asked when a task is about to be sent, and may give what another task gave, packed; ``lost`` is the
-    result of an item whose worker dies whenever it is tried.
+    An entry of ``items`` is read when its task is about to be sent, and may be what another task gave, packed; ``lost``
+    is the result of an item whose worker dies whenever it is tried.
     """
 
     task: Callable[..., Sequence[Any]]
-    items: Callable[[int], Sequence[Any] | bytes]
+    items: Sequence[Sequence[Any] | bytes]
     rest: tuple[Any, ...]
     lost: Callable[[Any], Any]
 
@@ -81,7 +81,7 @@ class Engine:
     def run(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, bytes]]:
         """The number and the packed results of each task as it is done."""
         for number in numbers:
-            yield number, packed(job.task, job.items(number), *job.rest)
+            yield number, packed(job.task, job.items[number], *job.rest)
 
 
 class Dask(Engine):
@@ -155,7 +155,7 @@ class Dask(Engine):
         done = as_completed(loop=self._client.loop)
 
         def send(number: int) -> None:
-            future = self._submitted(job, job.items(number))
+            future = self._submitted(job, job.items[number])
             underway[future] = number
             done.add(future)
 
@@ -169,7 +169,7 @@ class Dask(Engine):
             try:
                 found: bytes = future.result()
             except KilledWorker:
-                found = packed(lambda items: [self._alone(job, item) for item in items], job.items(number))
+                found = packed(lambda items: [self._alone(job, item) for item in items], job.items[number])
             future.release()
             for following in itertools.islice(waiting, 1):
                 send(following)

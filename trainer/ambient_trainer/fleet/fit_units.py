@@ -25,7 +25,7 @@ from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.fleet.dataset import FEWEST, Entry, Log, Source, logs, reason_of, too_few
 from ambient_trainer.fleet.pooling import Normal, Population, Posterior, deviance
-from ambient_trainer.fleet.space import MAIN, SECONDARY, Space, assembled, members, space_of
+from ambient_trainer.fleet.space import MAIN, SECONDARY, Space, assembled, changed, members, space_of
 
 _GRID_SAMPLES = 20_000
 """The population's time constants are fitted to about so many samples of the units that it is begun with."""
@@ -77,15 +77,15 @@ class Fitted:
 
 
 def begin(
-    effort: Effort,
+    efforts: Sequence[Effort],
     path: str,
     wanted: Sequence[Entry],
     source: Source,
     circuit: str,
     sensors: Sequence[str],
     enough: int,
-) -> Start:
-    """Fit the estimator to the first ``enough`` of ``wanted`` that can be read, on one coarse grid.
+) -> list[Start]:
+    """Fit the estimator to the first ``enough`` of ``wanted`` that can be read, on one coarse grid, by each effort.
 
     Raises :class:`Refused` where fewer than two can be, and as the estimator does.
     """
@@ -116,30 +116,21 @@ def begin(
         total_s = sum(float(trace.time_s[-1] - trace.time_s[0]) for trace in traces)
         own_s = max(float(np.median(np.diff(trace.time_s))) for trace in traces)
         period_s = max(own_s, float(np.ceil(total_s / _GRID_SAMPLES)))
-        fit = _slim(method.fit(traces, effort, None, period_s, columns or None), (own_s,))
-        spaces = {
-            name: space_of(each, [_thinned(trace, period_s) for trace in traces]) for name, each in members(fit).items()
-        }
-        return Start(fit, spaces, tuple(trace.path for trace in traces))
+        thin, units = [_thinned(trace, period_s) for trace in traces], tuple(trace.path for trace in traces)
+
+        def slim(fit: Fit, _: str) -> Fit:
+            """What goes to every worker: quantiles of the errors instead of all of them, and the logs' periods."""
+            quantiles = tuple(np.quantile(each, np.linspace(0, 1, _KEPT)) for each in fit.errors_degC)
+            return replace(fit, periods_s=(own_s,), errors_degC=quantiles)
+
+        fits = [changed(method.fit(traces, each, None, period_s, columns or None), slim) for each in efforts]
+        return [Start(fit, {name: space_of(each, thin) for name, each in members(fit).items()}, units) for fit in fits]
 
 
 def _thinned(trace: Trace, period_s: float) -> Trace:
     step = max(1, round(period_s / float(np.median(np.diff(trace.time_s)))))
     columns = {name: values[::step] for name, values in trace.columns.items()}
     return replace(trace, time_s=trace.time_s[::step], columns=columns)
-
-
-def _slim(fit: Fit, periods_s: tuple[float, ...]) -> Fit:
-    """The fit as it goes to every worker: quantiles of its errors instead of all of them, and the logs' periods."""
-    quantiles = tuple(np.quantile(each, np.linspace(0, 1, _KEPT)) for each in fit.errors_degC)
-    second = fit.secondary and fit.secondary._replace(fit=_slim(fit.secondary.fit, periods_s))
-    return replace(
-        fit,
-        periods_s=periods_s,
-        errors_degC=quantiles,
-        secondary=second,
-        fallbacks={name: _slim(each, periods_s) for name, each in fit.fallbacks.items()},
-    )
 
 
 def look(wanted: Sequence[Entry], source: Source, start: Start) -> list[Looked]:
@@ -160,10 +151,10 @@ def _looked(log: Log, start: Start) -> Looked:
     for name in (*start.spaces[MAIN].inputs, REFERENCE):
         digest.update(np.ascontiguousarray(trace.columns[name]).tobytes())
     known = int(np.count_nonzero(np.isfinite(trace.reference)))
-    members = tuple(each.blocks.total() for each in every.values())
-    main = every[MAIN]
+    members = tuple(each.total() for each, _ in every.values())
+    blocks, memory_s = every[MAIN]
     duration_s = float(members[0].seconds)
-    return Looked(log.unit, log.group, None, known, duration_s, digest.hexdigest(), main.memory_s, main.blocks, members)
+    return Looked(log.unit, log.group, None, known, duration_s, digest.hexdigest(), memory_s, blocks, members)
 
 
 def fit_chunk(looked: Sequence[Looked], start: Start, learnt: Learnt, created: str) -> list[Fitted]:

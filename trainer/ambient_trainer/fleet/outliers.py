@@ -83,15 +83,15 @@ def diagnose_units(wanted: Sequence[Entry], source: Source, typical: Typical | s
 
 def _named(log: Log, typical: Typical | str) -> Outlier:
     if isinstance(typical, str) or log.trace is None:
-        return undiagnosed(log.unit, log.reason or str(typical))
+        return undiagnosed(log, log.reason or str(typical))
     try:
         with parallel_config(n_jobs=1):
             found = name_cause(typical, without_spikes(log.trace)[0])
     except Refused as refused:
-        return undiagnosed(log.unit, reason_of(refused))
+        return undiagnosed(log, reason_of(refused))
     return Outlier(log.unit, np.nan, found.cause, found.location, found.confidence, "; ".join(found.rivals) or None)
 
 
-def undiagnosed(unit: str, reason: str) -> Outlier:
+def undiagnosed(of: Entry | Log, reason: str) -> Outlier:
     """One without a verdict."""
-    return Outlier(unit, np.nan, f"not diagnosed: {reason}")
+    return Outlier(of.unit, np.nan, f"not diagnosed: {reason}")

@@ -6,7 +6,7 @@ import json
 import os
 import pickle
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from ambient_model.faults import refuse
@@ -17,8 +17,26 @@ Progress = Callable[[str, int, int], None]
 _FOLDER = ".parts"
 
 
+class Stage(Sequence[bytes]):
+    """The results of the tasks of a stage as they were sent, each in a file."""
+
+    def __init__(self, folder: str, name: str, count: int) -> None:
+        self.paths = [os.path.join(folder, f"{name}-{number:06d}.pickle") for number in range(count)]
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def __getitem__(self, number: Any) -> Any:
+        with open(self.paths[number], "rb") as stream:
+            return stream.read()
+
+    def results(self) -> Iterator[list[Any]]:
+        """The results of each task, in their order."""
+        return map(pickle.loads, self)
+
+
 class Parts:
-    """The results of tasks and stages in a folder, computed where they are not there yet."""
+    """The results of tasks in a folder, computed where they are not there yet."""
 
     def __init__(self, folder: str, identity: str, resume: bool, engine: Engine, progress: Progress) -> None:
         self._engine, self.progress = engine, progress
@@ -38,48 +56,21 @@ class Parts:
             write_whole(header, json.dumps(before).encode())
         self.created = before["created"]
 
-    def kept(self, stage: str, compute: Callable[[], Any]) -> Any:
-        """What was kept of a stage, computed where it was not."""
-        path = self._path(stage)
-        if not os.path.exists(path):
-            write_whole(path, pickle.dumps(compute(), protocol=5))
-        return _loaded(path)
-
-    def fill(self, stage: str, what: str, count: int, job: Job) -> None:
-        """Do the tasks of a stage that are not there; progress calls it ``what``."""
-        missing = [number for number in range(count) if not os.path.exists(self._path(stage, number))]
+    def stage(self, name: str, what: str, job: Job) -> Stage:
+        """The results of a job, whose missing tasks are done; progress calls it ``what``."""
+        stage, count = Stage(self._folder, name, len(job.items)), len(job.items)
+        missing = [number for number in range(count) if not os.path.exists(stage.paths[number])]
         done = count - len(missing)
         self.progress(what, done, count)
         for number, found in self._engine.run(job, missing):
-            write_whole(self._path(stage, number), found)
+            write_whole(stage.paths[number], found)
             done += 1
             self.progress(what, done, count)
-
-    def packed(self, stage: str, number: int) -> bytes:
-        """The results of a task as they were sent."""
-        with open(self._path(stage, number), "rb") as stream:
-            return stream.read()
-
-    def load(self, stage: str, number: int) -> list[Any]:
-        """The results of a task."""
-        return list(_loaded(self._path(stage, number)))
-
-    def each(self, stage: str, count: int) -> Iterator[Any]:
-        """The results of all tasks of a stage, in their order."""
-        for number in range(count):
-            yield from self.load(stage, number)
-
-    def _path(self, stage: str, number: int | None = None) -> str:
-        return os.path.join(self._folder, f"{stage}.pickle" if number is None else f"{stage}-{number:06d}.pickle")
+        return stage
 
     def remove(self) -> None:
         """Forget everything: the run has ended."""
         shutil.rmtree(self._folder, ignore_errors=True)
-
-
-def _loaded(path: str) -> Any:
-    with open(path, "rb") as stream:
-        return pickle.load(stream)
 
 
 def write_whole(path: str, content: bytes) -> None:

@@ -7,11 +7,11 @@ result does not depend on who did what when.
 
 import hashlib
 import io
+import itertools
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -24,7 +24,7 @@ from ambient_trainer.data.trace import sha256_of
 from ambient_trainer.estimators.base import USUAL, Effort
 from ambient_trainer.estimators.registry import estimator, thermal_circuit
 from ambient_trainer.fleet.dataset import FEWEST, Entry, Source, entries, too_few
-from ambient_trainer.fleet.engine import Engine, Job
+from ambient_trainer.fleet.engine import Engine, Job, unpacked
 from ambient_trainer.fleet.fit_units import FAILED, Learnt, Looked, Start, begin, failed, fit_chunk, look, unseen_model
 from ambient_trainer.fleet.outliers import (
     Outlier,
@@ -36,7 +36,7 @@ from ambient_trainer.fleet.outliers import (
     typical,
     undiagnosed,
 )
-from ambient_trainer.fleet.parts import Parts, Progress, write_whole
+from ambient_trainer.fleet.parts import Parts, Progress, Stage, write_whole
 from ambient_trainer.fleet.pooling import Normal, Population, pooled
 from ambient_trainer.fleet.space import MAIN
 
@@ -57,17 +57,12 @@ class Question:
 
     path: str
     circuit: str
-    by: str = "unit"
-    within: tuple[str, ...] = ()
+    source: Source
+    """How the dataset is read before the columns are known."""
     sensors: tuple[str, ...] = ()
     effort: Effort = USUAL
     forward: str | None = None
     """The circuit with which outliers are diagnosed; None: they are not."""
-
-    @property
-    def source(self) -> Source:
-        """How the dataset is read before the columns are known."""
-        return Source(self.by, self.within)
 
 
 @dataclass(frozen=True)
@@ -129,19 +124,17 @@ def _listed(question: Question, progress: Progress) -> list[Entry]:
 
 
 def _fitted(question: Question, listed: Sequence[Entry], folder: str, parts: Parts) -> FleetFit:
-    start: Start = parts.kept("start", lambda: _begun(parts, question, listed))
+    start = _begun(parts, question, listed)
     columns = dict.fromkeys([*start.fit.inputs, *(each for space in start.spaces.values() for each in space.inputs)])
     source = replace(question.source, columns=(*columns, REFERENCE))
     chunks = [listed[first : first + CHUNK] for first in range(0, len(listed), CHUNK)]
     unread = "its worker died whenever it was read: too large for its memory, or damaged"
-    looking = Job(look, chunks.__getitem__, (source, start), lambda entry: Looked(entry.unit, (), unread))
-    parts.fill("look", "looking at units", len(chunks), looking)
-    learnt: Learnt = parts.kept("population", lambda: _learnt(parts, len(chunks), start, question))
-
-    rest = start, learnt, parts.created
-    died = partial(failed, within=question.within, reason="its worker died")
-    parts.fill("fit", "fitting units", len(chunks), Job(fit_chunk, partial(parts.packed, "look"), rest, died))
-    found = _written(parts, len(chunks), folder, question, start, learnt)
+    looking = Job(look, chunks, (source, start), lambda entry: Looked(entry.unit, (), unread))
+    looked = parts.stage("look", "looking at units", looking)
+    learnt = _learnt(looked, start, question)
+    died = partial(failed, within=source.within, reason="its worker died")
+    fitted = parts.stage("fit", "fitting units", Job(fit_chunk, looked, (start, learnt, parts.created), died))
+    found = _written(fitted, folder, question.circuit, start, learnt, parts.created)
     if question.forward is not None:
         found = replace(found, outliers=_diagnosed(parts, found, question, listed))
     parts.remove()
@@ -170,42 +163,32 @@ def _begun(parts: Parts, question: Question, listed: Sequence[Entry]) -> Start:
         raise refuse(question.path, "", "the worker that began the population died", "give the workers more memory")
 
     longest = sorted(listed, key=lambda each: (each.fault is not None, -each.rows, each.unit))
-    shares = _shares(question)
+    effort = question.effort
+    shares = [effort]
+    if estimator(question.circuit, question.sensors).starts_apart:
+        firsts = range(0, effort.starts, _STARTS_A_TASK)
+        shares = [replace(effort, first=first, starts=min(_STARTS_A_TASK, effort.starts - first)) for first in firsts]
     wanted = longest[: _TRIED * _BEGUN_WITH]
     rest = (question.path, wanted, question.source, question.circuit, question.sensors, _BEGUN_WITH)
-    what = "beginning with the longest logs"
-    parts.fill("begin", what, len(shares), Job(_begin_task, lambda number: [shares[number]], rest, died))
-    ends: list[Start] = list(parts.each("begin", len(shares)))
+    begun = parts.stage("begin", "beginning with the longest logs", Job(begin, [[each] for each in shares], rest, died))
+    ends: list[Start] = [end for (end,) in begun.results()]
     best = min(ends, key=lambda each: each.fit.rmse_degC)
     fit = replace(
         best.fit,
-        effort=question.effort,
+        effort=effort,
         evaluations=sum(each.fit.evaluations for each in ends),
         start_rmses_degC=tuple(rmse for each in ends for rmse in each.fit.start_rmses_degC),
     )
     return replace(best, fit=fit)
 
 
-def _shares(question: Question) -> list[Effort]:
-    """The searches that each task makes."""
-    effort = question.effort
-    if not estimator(question.circuit, question.sensors).starts_apart:
-        return [effort]
-    begun = range(0, effort.starts, _STARTS_A_TASK)
-    return [replace(effort, first=first, starts=min(_STARTS_A_TASK, effort.starts - first)) for first in begun]
-
-
-def _begin_task(shares: Sequence[Effort], *rest: Any) -> list[Start]:
-    return [begin(each, *rest) for each in shares]
-
-
-def _learnt(parts: Parts, chunks: int, start: Start, question: Question) -> Learnt:
+def _learnt(looked: Stage, start: Start, question: Question) -> Learnt:
     """The population of each member, from units at equal distances and the longest logs."""
     brief = pd.DataFrame(
         (
             (number, index, each.unit, each.reason, each.group, each.seconds, each.memory_s)
-            for number in range(chunks)
-            for index, each in enumerate(parts.load("look", number))
+            for number, chunk in enumerate(looked.results())
+            for index, each in enumerate(chunk)
         ),
         columns=["chunk", "index", "unit", "reason", "group", "seconds", "memory_s"],
     )
@@ -222,23 +205,23 @@ def _learnt(parts: Parts, chunks: int, start: Start, question: Question) -> Lear
         evenly = brief.sort_values("group", kind="stable").iloc[np.arange(_LEARNT_FROM) * len(brief) // _LEARNT_FROM]
         longest = brief.sort_values("seconds", kind="stable", ascending=False).head(_LONGEST)
         brief = brief.loc[sorted({*evenly.index, *longest.index})]
-    looked: list[Looked] = []
+    units: list[Looked] = []
     for number, rows in brief.groupby("chunk"):
-        chunk = parts.load("look", number)
-        looked += [chunk[index] for index in rows["index"]]
-    groups = tuple(sorted({each.group for each in looked}))
-    numbers = np.array([groups.index(each.group) for each in looked])
-    members = zip(*(each.members for each in looked))
-    populations = {name: pooled(Normal.stacked(units), numbers, memory_s) for name, units in zip(start.spaces, members)}
-    return Learnt(populations, groups, question.within)
+        chunk = unpacked(looked[number])
+        units += [chunk[index] for index in rows["index"]]
+    groups = tuple(sorted({each.group for each in units}))
+    numbers = np.array([groups.index(each.group) for each in units])
+    members = zip(*(each.members for each in units))
+    populations = {name: pooled(Normal.stacked(each), numbers, memory_s) for name, each in zip(start.spaces, members)}
+    return Learnt(populations, groups, question.source.within)
 
 
-def _written(parts: Parts, chunks: int, folder: str, question: Question, start: Start, learnt: Learnt) -> FleetFit:
+def _written(fitted: Stage, folder: str, circuit: str, start: Start, learnt: Learnt, created: str) -> FleetFit:
     """The model files, the table with each unit's improbability, and the population."""
     models = os.path.join(folder, "models")
     os.makedirs(models, exist_ok=True)
     rows = []
-    for each in parts.each("fit", chunks):
+    for each in itertools.chain.from_iterable(fitted.results()):
         rows.append(each.row)
         if each.model is not None:
             write_whole(os.path.join(models, f"{quote(each.row['unit'], safe=' ')}.json"), each.model.encode())
@@ -247,9 +230,9 @@ def _written(parts: Parts, chunks: int, folder: str, question: Question, start: 
     table.to_parquet(stream, index=False)
     write_whole(os.path.join(folder, "fleet.parquet"), stream.getvalue())
     units = int(table["improbability"].notna().sum())
-    write_whole(os.path.join(folder, "population.json"), unseen_model(start, learnt, units, parts.created).encode())
+    write_whole(os.path.join(folder, "population.json"), unseen_model(start, learnt, units, created).encode())
     main = learnt.populations[MAIN]
-    return FleetFit(question.circuit, folder, table, main, start, learnt.groups, least_probable(table))
+    return FleetFit(circuit, folder, table, main, start, learnt.groups, least_probable(table))
 
 
 def _diagnosed(parts: Parts, found: FleetFit, question: Question, listed: Sequence[Entry]) -> tuple[Outlier, ...]:
@@ -259,15 +242,9 @@ def _diagnosed(parts: Parts, found: FleetFit, question: Question, listed: Sequen
     if not worst:
         return found.outliers
     good, rest = [places[unit] for unit in typical(found.table)], (question.source, question.forward)
-    learning = Job(learn_typical, lambda _: [good], rest, lambda _: "the worker that learnt typical units died")
-    parts.fill("typical", "learning typical units", 1, learning)
-    (known,) = parts.load("typical", 0)
-    job = Job(
-        diagnose_units,
-        lambda number: [places[worst[number]]],
-        (question.source, known),
-        lambda entry: undiagnosed(entry.unit, "its worker died"),
-    )
-    parts.fill("diagnosis", "diagnosing outliers", len(worst), job)
-    named = {each.unit: each for each in parts.each("diagnosis", len(worst))}
+    learning = Job(learn_typical, [[good]], rest, lambda _: "the worker that learnt typical units died")
+    ((known,),) = parts.stage("typical", "learning typical units", learning).results()
+    died, wanted = partial(undiagnosed, reason="its worker died"), [[places[unit]] for unit in worst]
+    job = Job(diagnose_units, wanted, (question.source, known), died)
+    named = {each.unit: each for (each,) in parts.stage("diagnosis", "diagnosing outliers", job).results()}
     return tuple(named.get(each.unit, each)._replace(improbability=each.improbability) for each in found.outliers)

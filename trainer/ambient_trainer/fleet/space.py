@@ -10,9 +10,8 @@ that the population's regressors are white: each of the coordinates is then what
 So sensors that go together, which no short log distinguishes, do not make the prior singular.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import schur
@@ -22,7 +21,7 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.data.grid import Segment, segments
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.uncertainty import residual_memory
-from ambient_trainer.estimators.base import Fit, SecondaryFit
+from ambient_trainer.estimators.base import Fit
 from ambient_trainer.fleet.pooling import Normal
 from ambient_trainer.lti.discretise import discretised
 from ambient_trainer.lti.response import states
@@ -38,13 +37,6 @@ _LEAST_RMS_DEGC = 1e-3
 _WEAK_DEGC = 0.5
 """The standard deviation of the weak prior under which a unit's residuals are looked at."""
 _NOISE_DEGC2, _MEMORY_S = 0.1, 100.0
-
-
-class Statistics(NamedTuple):
-    """What one unit's log says: its normal equations, a row a block, and the autocorrelation time of its noise."""
-
-    blocks: Normal
-    memory_s: float
 
 
 @dataclass(frozen=True)
@@ -91,15 +83,18 @@ class Space:
         raw, reference, weight_s = zip(*parts)
         return np.concatenate(raw, axis=1), np.concatenate(reference), np.concatenate(weight_s)
 
-    def statistics(self, trace: Trace) -> Statistics:
-        """What ``trace`` says of the coordinates; raises :class:`Refused` where it says nothing."""
+    def statistics(self, trace: Trace) -> tuple[Normal, float]:
+        """What ``trace`` says: the normal equations, a row a block, and the autocorrelation time of its noise in s.
+
+        Raises :class:`Refused` where it says nothing.
+        """
         raw, reference, weight_s = self.samples(trace)
         Z, r = self.weights.T @ raw, reference - self.origin @ raw
         if not np.isfinite(Z).all():
             raise refuse(trace.path, "", "the filter's responses are not finite", "look for error codes in the sensors")
         cut = np.array_split(np.arange(len(r)), BLOCKS)
         blocks = Normal.stacked(Normal.of_samples(Z[:, index], r[index], weight_s[index]) for index in cut)
-        return Statistics(blocks, _memory_s(blocks.total(), Z, r, float(weight_s[0])))
+        return blocks, _memory_s(blocks.total(), Z, r, float(weight_s[0]))
 
     def system(self, c: Array) -> StateSpace:
         """The filter at coordinates c: the transpose of its modes, driven by each input through that one's gains."""
@@ -150,16 +145,21 @@ def members(fit: Fit) -> dict[str, Fit]:
     return {MAIN: fit, **second, **fit.fallbacks}
 
 
+def changed(fit: Fit, change: Callable[[Fit, str], Fit]) -> Fit:
+    """``fit`` with each of its members changed, of which ``change`` gets the name, too."""
+    second = fit.secondary and fit.secondary._replace(fit=change(fit.secondary.fit, SECONDARY))
+    fallbacks = {name: change(each, name) for name, each in fit.fallbacks.items()}
+    return replace(change(fit, MAIN), secondary=second, fallbacks=fallbacks)
+
+
 def assembled(fit: Fit, systems: Mapping[str, StateSpace]) -> Fit:
     """``fit`` with other systems in the places of its own."""
 
-    def changed(each: Fit, name: str) -> Fit:
+    def with_system(each: Fit, name: str) -> Fit:
         states = tuple(f"mode{k + 1}" for k in range(len(systems[name].A)))
         return replace(each, system=systems[name], states=states, error_variance=None)
 
-    second = fit.secondary and SecondaryFit(changed(fit.secondary.fit, SECONDARY), fit.secondary.threshold_degC)
-    fallbacks = {name: changed(each, name) for name, each in fit.fallbacks.items()}
-    return replace(changed(fit, MAIN), secondary=second, fallbacks=fallbacks)
+    return changed(fit, with_system)
 
 
 def space_of(fit: Fit, traces: Sequence[Trace]) -> Space:
