@@ -30,14 +30,11 @@ class _LazyCommands(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The commands, and under a heading of their own those of the studies."""
-        for heading, modules in (
-            ("Commands", plugin_names(COMMANDS)),
-            ("Studies of the simulated phone", _studies()),
-        ):
-            limit = formatter.width - 6 - max(map(len, modules), default=0)
+        for heading, modules in (("Commands", plugin_names(COMMANDS)), ("Studies of the simulated phone", _studies())):
             if modules:
+                limit = formatter.width - 6 - max(map(len, modules))
+                commands = {name: importlib.import_module(module).command for name, module in modules.items()}
                 with formatter.section(heading):
-                    commands = {name: importlib.import_module(module).command for name, module in modules.items()}
                     formatter.write_dl([(name, each.get_short_help_str(limit)) for name, each in commands.items()])
 
 
