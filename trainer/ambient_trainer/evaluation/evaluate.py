@@ -5,7 +5,6 @@ counted.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimators.base import STATIC_LINEAR
 from ambient_trainer.evaluation.metrics import Metrics, coverage, score
-from ambient_trainer.evaluation.provenance import overlaps_training, static_linear
+from ambient_trainer.evaluation.provenance import overlaps_training, provenance_of
 
 
 @dataclass(frozen=True)
@@ -98,21 +97,15 @@ def evaluate_run_in(model: Model, trace: Trace, from_s: float | None = None, to_
 
     A device that was on before publishes it: still causal, still without a look at the reference.
     """
-    whole = trace.cut(None, to_s)
-    scored = whole.cut(from_s, None)
-    ahead = len(whole.time_s) - len(scored.time_s)
-    reference = np.concatenate([np.full(ahead, np.nan), scored.reference])
-    found = evaluate_trace(model, replace(whole, columns={**whole.columns, REFERENCE: reference}))
-    rows: dict[str, Any] = {
-        name: values[ahead:] for name, values in vars(found).items() if isinstance(values, np.ndarray)
-    }
-    rows["inputs"] = {each: values[ahead:] for each, values in found.inputs.items()}
-    rows["baseline"] = found.baseline and replace(found.baseline, estimate_degC=found.baseline.estimate_degC[ahead:])
-    return replace(found, **rows, overlaps_training=overlaps_training(model, scored))
+    found = evaluate_trace(model, trace.cut(None, to_s), from_s)
+    return replace(found, overlaps_training=overlaps_training(model, trace.cut(from_s, to_s)))
 
 
-def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
-    """Run ``model`` over ``trace`` and score it; raises :class:`Refused` where a column or a score cannot be had."""
+def evaluate_trace(model: Model, trace: Trace, from_s: float | None = None) -> Evaluation:
+    """Run ``model`` over ``trace`` and score it from ``from_s`` on.
+
+    Raises :class:`Refused` where a column or a score cannot be had.
+    """
     wanted = (*(each.column for each in model.main.inputs), REFERENCE)
     if missing := [repr(name) for name in wanted if name not in trace.columns]:
         there = ", ".join(trace.columns) or "none"
@@ -126,8 +119,9 @@ def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
             f"{bridge_limit_s(discrete.period_s):g} s"
         )
         raise refuse(trace.path, "", problem, "log more often, or fit the model to a trace with this period")
-    inputs = {each: trace.columns[each.column] for each in model.main.inputs}
-    estimates, sigma_degC = _tracked(model, discrete, trace.time_s, np.column_stack(list(inputs.values())))
+    estimates, sigma_degC = _tracked(model, discrete, trace)
+    trace = trace.cut(from_s, None)
+    estimates, sigma_degC = estimates[-len(trace.time_s) :], sigma_degC[-len(trace.time_s) :]
     estimate, low, high, used = (  # None becomes NaN
         np.array([getattr(each, name) for each in estimates], dtype=np.float64)
         for name in ("ambient_degC", "low_degC", "high_degC", "used")
@@ -147,7 +141,7 @@ def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
     return Evaluation(
         trace=trace.path,
         time_s=trace.time_s,
-        inputs=inputs,
+        inputs={each: trace.columns[each.column] for each in model.main.inputs},
         estimate_degC=estimate,
         low_degC=low,
         high_degC=high,
@@ -162,18 +156,19 @@ def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
     )
 
 
-def _tracked(model: Model, discrete: Discrete, time_s: Array, inputs: Array) -> tuple[list[Estimate], Array]:
+def _tracked(model: Model, discrete: Discrete, trace: Trace) -> tuple[list[Estimate], Array]:
     """The estimates, and sigma in degC of a model with an error variance."""
     observer = Observer(model, Tracker(model.main, discrete))
+    inputs = np.column_stack([trace.columns[each.column] for each in model.main.inputs])
     estimates, sigmas = [], []
-    for now_s, row in zip(time_s.tolist(), inputs.tolist()):
+    for now_s, row in zip(trace.time_s.tolist(), inputs.tolist()):
         estimates.append(observer.update(now_s, [None if value != value else value for value in row]))
         sigmas.append(observer.sigma_degC)
     return estimates, np.array(sigmas, dtype=np.float64)
 
 
 def _baseline(model: Model, used: Array, reference: Array, scored: NDArray[np.bool_]) -> Baseline | None:
-    static = static_linear(model)
+    static = provenance_of(model).baseline
     if static is None:
         return None
     # from the inputs as the recursion took them: where one is held over a gap, both are scored on the same sample

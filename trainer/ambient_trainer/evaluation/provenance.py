@@ -45,28 +45,25 @@ class StaticLinear(Strict, extra="ignore"):
 _OF_THIS_KIND = BeforeValidator(lambda it: it if isinstance(it, dict) and it.get("kind") == STATIC_LINEAR else None)
 
 
-class _Provenance(Strict, extra="ignore"):
+class Provenance(Strict, extra="ignore"):
+    """What a model was trained on, and the static linear baseline; None where the file has none or another kind."""
+
     training: tuple[TrainingSpan, ...] = ()
     baseline: Annotated[StaticLinear | None, _OF_THIS_KIND] = None
 
 
 class _File(Strict):
-    provenance: _Provenance
+    provenance: Provenance
 
 
-def training_spans(model: Model) -> tuple[TrainingSpan, ...]:
-    """What the model was trained on; empty where its file names nothing. Raises :class:`Refused` for other forms."""
-    return _parsed(model).training
+def provenance_of(model: Model) -> Provenance:
+    """The provenance in the model file; raises :class:`Refused` for other forms.
 
-
-def static_linear(model: Model) -> StaticLinear | None:
-    """The static linear baseline in the model file; None where it has none or one of another kind.
-
-    Raises :class:`Refused` for one that cannot be computed from the model's inputs.
+    So it does for a baseline that cannot be computed from the model's inputs.
     """
-    found = _parsed(model).baseline
+    found = validated(_File, {"provenance": dict(model.provenance)}, f"model {model.name}").provenance
     inputs = [each.name for each in model.main.inputs]
-    if found and (strangers := found.gains.keys() - set(inputs)):
+    if found.baseline and (strangers := found.baseline.gains.keys() - set(inputs)):
         problem, hint = f"{', '.join(strangers)}: no input of the model", f"inputs are {', '.join(inputs)}"
         raise refuse(f"model {model.name}", "provenance.baseline.gains", problem, hint)
     return found
@@ -75,8 +72,5 @@ def static_linear(model: Model) -> StaticLinear | None:
 def overlaps_training(model: Model, trace: Trace) -> bool:
     """Whether the file of ``trace`` (which may be cut) was trained on, at any of its times."""
     sha256 = trace.sha256 or sha256_of(trace.path)
-    return any(span.sha256.lower() == sha256 and span.holds_any(trace.time_s) for span in training_spans(model))
-
-
-def _parsed(model: Model) -> _Provenance:
-    return validated(_File, {"provenance": dict(model.provenance)}, f"model {model.name}").provenance
+    spans = provenance_of(model).training
+    return any(span.sha256.lower() == sha256 and span.holds_any(trace.time_s) for span in spans)

@@ -14,7 +14,7 @@ from ambient_model.tracking import COASTING, DEGRADED, FAULTED, WARMING_UP
 from ambient_trainer.estimators.base import STATIC_LINEAR
 from ambient_trainer.evaluation.evaluate import Evaluation
 from ambient_trainer.evaluation.metrics import ROLLING_LEVEL_PERCENT, ROLLING_SAMPLES, Metrics, rolling_band
-from ambient_trainer.evaluation.provenance import training_spans
+from ambient_trainer.evaluation.provenance import provenance_of
 from ambient_trainer.report import Facts, Figure, Finding, Plot, Report, Section, Table, palette, plots
 from ambient_trainer.report.units import written
 
@@ -106,7 +106,7 @@ def _pooled_rmse(metrics: Sequence[Metrics]) -> float:
 def _facts(model: Model) -> list[tuple[str, str | list[str]]]:
     main = model.main
     circuit = model.provenance.get("circuit")
-    training = [str(span) for span in training_spans(model)]
+    training = [str(span) for span in provenance_of(model).training]
     return [
         ("circuit", circuit if isinstance(circuit, str) else "not named in the model file"),
         ("estimates", model.output),
