@@ -50,7 +50,7 @@ CALLS = [
     ("simulate 1 -o o.csv --truth nowhere/t.json", 2, "nowhere/t.json"),
     ("correct m.json t.csv -o m.json", 2, "would be overwritten by what is made from it"),
     ("correct m.json t.csv -o o.json --from 5 --to 5", 2, "--from 5 does not come before --to 5"),
-    ("correct m.json t.csv -o o.json --from 5000", 1, "too few samples to score"),
+    ("correct m.json t.csv -o o.json --from 5000", 1, "nothing lies between --from and --to"),
     ("search t.csv --circuits c --no-circuits", 2, "--circuits; --no-circuits"),
     ("search t.csv --json t.csv", 2, "overwritten"),
     ("search t.csv --state x --json x", 2, "twice"),

@@ -9,7 +9,7 @@ from ambient_model.codec import decode, encode, load_model
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model, ReadingModel, Secondary, SensorLimits
 from ambient_trainer.data.trace import Trace, save_trace
-from ambient_trainer.evaluation.correction import corrected, correction, known_between
+from ambient_trainer.evaluation.correction import corrected, correction
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 
 PERIOD_S = 5.0
@@ -81,11 +81,11 @@ def test_only_what_is_known_counts_but_the_estimate_runs_from_the_start():
     lag = Discrete(PERIOD_S, ((0.999,),), ((0.0005, 0.0005),), ((1.0,),), ((0.0, 0.0),))
     main = Estimator(INPUTS, ("lag",), (lag,), 0.0, ((0.5, 0.5),), weighted(INPUTS, (0.5, 0.5), 0.0).interval)
     model = mean_model()._replace(main=main, fallbacks={}, secondary=None)
-    known_late = known_between(trace, 10_000.0, 14_000.0)
-    assert np.isfinite(known_late.reference).sum() == 800
+    found = correction(model, trace, 10_000.0, 14_000.0)
+    assert found.samples == 800
     whole = evaluate_trace(model, trace).error_degC
     assert abs(whole[2000:2800].mean() - whole.mean()) > 0.5
-    assert correction(model, known_late).offsets_degC["main"] == pytest.approx(whole[2000:2800].mean(), abs=1e-9)
+    assert found.offsets_degC["main"] == pytest.approx(whole[2000:2800].mean(), abs=1e-9)
 
 
 def test_what_readings_are_expected_to_be_does_not_enter():

@@ -240,7 +240,7 @@ def _runs(unit: Unit, plan: Plan) -> list[UnitRun]:
 
 
 def _one(model: Model, number: int, seed: int, runs: Sequence[UnitRun], logged: Sequence[Trace]) -> ScoredUnit:
-    found = correction.correction(model, correction.known_between(logged[0], 60 * ON_BEFORE_MIN, None))
+    found = correction.correction(model, logged[0], 60 * ON_BEFORE_MIN)
     improved = correction.corrected(model, found, {"trace": CALIBRATION})
     week = learnt(model, number, seed, logged[1 : DAYS + 1])[-1]
     lied_degC = max(abs(each.offset_degC) for each in learnt(model, number, seed, logged[1 : DAYS + 1], LIE_DEGC))

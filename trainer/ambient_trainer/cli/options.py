@@ -30,6 +30,11 @@ class FiniteRange(Finite, click.FloatRange):
     """``click.FloatRange``, which lets nan pass, and inf where a bound is open."""
 
 
+_report_option = click.option(
+    "--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder."
+)
+
+
 def output_options(data: str = "the figures", page: bool = False) -> Decorator:
     """Give a command --json, and --report with ``page``, as its ``output``: an :class:`Output`."""
 
@@ -39,12 +44,7 @@ def output_options(data: str = "the figures", page: bool = False) -> Decorator:
         def with_output(json_path: str | None, report_folder: str | None = None, **rest: Any) -> Any:
             return command(output=Output(json_path, report_folder), **rest)
 
-        if not page:
-            return with_output
-        report = click.option(
-            "--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder."
-        )
-        return report(with_output)
+        return _report_option(with_output) if page else with_output
 
     return decorate
 
@@ -82,6 +82,10 @@ def sampling_option(meaning: str, longest_s: float = 10) -> Decorator:
     )
 
 
+starts_option = click.option("--starts", type=click.IntRange(1, 1000), default=8, help="Searches from so many places.")
+"""Gives a command --starts."""
+
+
 def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give ``command`` --starts, --pieces and --seed, as its ``effort``."""
 
@@ -98,13 +102,6 @@ def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
         return command(effort=at.Effort(starts, seed, pieces), **rest)
 
     return with_effort
-
-
-def starts_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give ``command`` --starts."""
-    return click.option("--starts", type=click.IntRange(1, 1000), default=8, help="Searches from so many places.")(
-        command
-    )
 
 
 def sensors_option(default: str = "every _degC column", meaning: str = "What free-N and observers read.") -> Decorator:

@@ -8,7 +8,7 @@ determine no more than a constant.
 import datetime
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,6 @@ import numpy as np
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Estimator, Model
-from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.uncertainty import residual_memory
 from ambient_trainer.evaluation.evaluate import evaluate_trace
@@ -36,15 +35,12 @@ class Correction:
     samples: int
 
 
-def known_between(trace: Trace, from_s: float | None, to_s: float | None) -> Trace:
-    """``trace`` with the ambient hidden outside from_s <= time_s < to_s; the sensors stay."""
-    start, stop = -math.inf if from_s is None else from_s, math.inf if to_s is None else to_s
-    known = (start <= trace.time_s) & (trace.time_s < stop)
-    return replace(trace, columns={**trace.columns, REFERENCE: np.where(known, trace.reference, np.nan)})
+def correction(model: Model, trace: Trace, from_s: float | None = None, to_s: float | None = None) -> Correction:
+    """The mean errors of ``model`` between from_s and to_s; it runs from the start of ``trace`` on.
 
-
-def correction(model: Model, trace: Trace) -> Correction:
-    """The mean errors of ``model`` on ``trace``; raises :class:`Refused` where a column or the ambient is missing."""
+    Raises :class:`Refused` where a column or the ambient is missing.
+    """
+    trace = trace.cut(None, to_s)
     estimators = {MAIN: model.main} | {f"without {name}": each for name, each in model.fallbacks.items()}
     if model.secondary is not None:
         estimators[SECONDARY] = model.secondary.estimator
@@ -54,7 +50,7 @@ def correction(model: Model, trace: Trace) -> Correction:
         alone = model._replace(
             main=each, fallbacks={}, secondary=None, error_variance=None, readings=None, provenance={}
         )
-        error = evaluate_trace(alone, trace).error_degC
+        error = evaluate_trace(alone, trace, from_s).error_degC
         errors[name] = error[np.isfinite(error)]
     own = errors[MAIN]
     standard_error = float(np.std(own)) * math.sqrt(min(residual_memory(own), len(own)) / len(own))

@@ -136,6 +136,10 @@ class Dask(Engine):
 
     def run(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, bytes]]:
         """The tasks as they are done, a few ahead of the workers."""
+        from concurrent.futures import CancelledError
+
+        from distributed.comm import CommClosedError
+
         left = list(numbers)
         for attempt in range(_CONNECTIONS):
             try:
@@ -143,8 +147,8 @@ class Dask(Engine):
                     left.remove(number)
                     yield number, found
                 return
-            except Exception as error:
-                if not _connection_lost(error) or attempt == _CONNECTIONS - 1:
+            except (CommClosedError, CancelledError, ConnectionError, TimeoutError):
+                if attempt == _CONNECTIONS - 1:
                     raise
                 self._connect()
 
@@ -203,12 +207,3 @@ def _close(each: Any, timeout_s: float) -> None:
     if each is not None:
         with contextlib.suppress(Exception):
             each.close(timeout=timeout_s)
-
-
-def _connection_lost(error: Exception) -> bool:
-    from concurrent.futures import CancelledError
-
-    from distributed.client import FutureCancelledError
-    from distributed.comm import CommClosedError
-
-    return isinstance(error, CommClosedError | FutureCancelledError | CancelledError | ConnectionError | TimeoutError)

@@ -3,8 +3,6 @@
 import datetime
 import re
 import time
-from collections.abc import Callable
-from typing import Any
 
 import click
 from rich.console import Console
@@ -14,28 +12,23 @@ from ambient_trainer import cli
 
 _KINDS = {"thermometer": "greisinger-easybus", "multiplexer": "agilent-34970a"}
 _SIMULATED_PROBES = {"air1": 101, "air2": 102, "air3": 103, "air4": 104}
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]*")
+_PROBE = re.compile(r"([A-Za-z][A-Za-z0-9_.-]*)=([0-9]+)")
 _PATIENCE_S = 3600.0
 _LINE_S = 30.0
 """Between two lines of what it waits for, where there is no terminal."""
-_DRIFT = cli.FiniteRange(min=0.0, min_open=True)
+_WINDOW, _PERIOD, _DRIFT = cli.FiniteRange(30.0), cli.FiniteRange(0.5), cli.FiniteRange(0.0, min_open=True)
 
 
 def _channels(context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> dict[str, int]:
     channels: dict[str, int] = {}
     for text in texts:
-        name, _, channel = text.partition("=")
-        if not _NAME.fullmatch(name) or not (channel.isascii() and channel.isdigit()):
+        if (probe := _PROBE.fullmatch(text)) is None:
             raise click.UsageError(f"--probe {text}: write it as NAME=CHANNEL, such as air1=101")
+        name, channel = probe.groups()
         if name in channels:
             raise click.UsageError(f"--probe {text}: {name} stands twice")
         channels[name] = int(channel)
     return channels
-
-
-def _seconds(name: str, least_s: float, default_s: float, meaning: str) -> Callable[[Any], Any]:
-    bound, parameter = cli.FiniteRange(least_s), f"{name.lstrip('-')}_s"
-    return click.option(name, parameter, type=bound, default=default_s, help=meaning)
 
 
 @click.command("calibrate")
@@ -51,9 +44,9 @@ def _seconds(name: str, least_s: float, default_s: float, meaning: str) -> Calla
 @click.option("--address", type=click.IntRange(0, 255), default=1, help="Of the thermometer.")
 @click.option("--points", type=click.IntRange(1, 20), default=1, help="Temperatures of the bath.")
 @click.option("--reference", default="bath_degC", metavar="COLUMN", help="Of TRACE.csv.")
-@_seconds("--window", 30.0, 300.0, "Seconds for which it must be settled.")
+@click.option("--window", "window_s", type=_WINDOW, default=300.0, help="Seconds for which it must be settled.")
 @click.option("--drift", "drift_K", type=_DRIFT, default=0.05, help="K that it may drift in them.")
-@_seconds("--period", 0.5, 2.0, "Seconds between readings.")
+@click.option("--period", "period_s", type=_PERIOD, default=2.0, help="Seconds between readings.")
 @click.option("--record", "record_path", metavar="TRACE.csv", help="Write what was read to this trace, too.")
 @click.option("--simulate", is_flag=True, help="Simulated instruments in a simulated bath, 100 times as fast.")
 def command(

@@ -23,11 +23,11 @@ def command(
     """
     from ambient_trainer.data.trace import load_trace  # numpy and scipy: --help should not wait for them
     from ambient_trainer.estimators.model_file import training_of
-    from ambient_trainer.evaluation.correction import corrected, correction, known_between, report_of
+    from ambient_trainer.evaluation.correction import corrected, correction, report_of
 
     output.check([model_path, trace_path], [corrected_path])
     model, trace = load_model(model_path), load_trace(trace_path)
-    result = correction(model, known_between(trace, from_s, to_s))
+    result = correction(model, trace, from_s, to_s)
     save_model(corrected_path, corrected(model, result, training_of(trace, from_s, to_s)))
     output.show(report_of(result))
     click.echo(f"Model: {corrected_path}")
