@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import norm
 
 from ambient_studies.thesis.errata import computed_errata, text_errata
-from ambient_studies.thesis.printed import PRINTED
+from ambient_studies.thesis.printed import printed_models
 from ambient_studies.thesis.published import published_parameters, published_results, sensor_statistics
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
@@ -101,14 +101,14 @@ def test_a_sensors_statistics_follow_from_its_linear_models_errors():
 
 
 def _printed(model):
-    return PRINTED[model].system(published_parameters()[model].printed)
+    return printed_models()[model].system
 
 
 @pytest.mark.parametrize("model", ["model1_ss", "model2_ss", "model2_ss_free_cd"])
 def test_only_row_2_of_b_differs_and_by_the_sign_of_the_exchange(model):
     p = published_parameters()[model].printed
     printed, corrected = _printed(model), assemble(load_circuit(model), p).value
-    assert PRINTED[model].inputs == load_circuit(model).inputs
+    assert printed_models()[model].inputs == load_circuit(model).inputs
     for each in ("A", "C", "D", "offset"):
         np.testing.assert_allclose(getattr(printed, each), getattr(corrected, each), rtol=1e-14)
     exchange = 1 / (p["R_battery_usb"] * p["C_battery"])

@@ -9,7 +9,7 @@ import yaml
 
 from ambient_studies.thesis.methods import fit_model
 from ambient_studies.thesis.moving_ambient import INPUTS, fit_with_moving_ambient
-from ambient_studies.thesis.printed import PRINTED
+from ambient_studies.thesis.printed import printed_models
 from ambient_studies.thesis.published import (
     CONSTANT_SCENARIOS,
     NONCAUSAL,
@@ -112,27 +112,22 @@ def _moving_ambient(training: Trace, ambient_change: Trace) -> list[Figure]:
 
 
 def _sign() -> list[Figure]:
-    values = published_parameters()["model2_ss_free_cd"].corrected
-    sensors = [column.removesuffix("_degC") for column in load_circuit("model2_ss_free_cd").inputs]
-    printed = dc_gain(PRINTED["model2_ss_free_cd"].system(values))[0]
-    corrected = dc_gain(_corrected("model2_ss_free_cd", values))[0]
+    sensors = _sensors(load_circuit("model2_ss_free_cd").inputs)
+    gains = {what: dc_gain(system)[0] for what, system in _systems("model2_ss_free_cd").items()}
     figures = []
-    for what, gains in (("printed", printed), ("corrected", corrected)):
-        figures += [Figure(f"DC gain of {name}, {what}", float(gain), "") for name, gain in zip(sensors, gains)]
-        figures.append(Figure(f"sum of the gains, {what}", float(gains.sum()), ""))
-    idle = float(printed @ _means("1", sensors))
+    for what, values in gains.items():
+        figures += [Figure(f"DC gain of {name}, {what}", float(gain), "") for name, gain in zip(sensors, values)]
+        figures.append(Figure(f"sum of the gains, {what}", float(values.sum()), ""))
+    idle = float(gains["printed"] @ _means("1", sensors))
     figures.append(Figure("idle estimate at 20 degC, printed", idle, "degC"))
     for scenario in CONSTANT_SCENARIOS:
-        implied = implied_display_degC(dict(zip(sensors, corrected.tolist())), scenario)
+        implied = implied_display_degC(dict(zip(sensors, gains["corrected"].tolist())), scenario)
         figures.append(Figure(f"display mean implied in scenario {scenario}, corrected", implied, "degC"))
     return figures
 
 
 def _capacitance() -> list[Figure]:
-    model = "model2_ss_single_input"
-    values = published_parameters()[model].printed
-    printed = np.linalg.eigvals(PRINTED[model].system(values).A)
-    corrected = np.linalg.eigvals(_corrected(model, values).A)
+    printed, corrected = (np.linalg.eigvals(each.A) for each in _systems("model2_ss_single_input").values())
     oscillating = printed[np.argmax(printed.imag)]
     return [
         Figure("oscillating pole as printed, real part", float(oscillating.real), "1/s"),
@@ -143,38 +138,32 @@ def _capacitance() -> list[Figure]:
 
 
 def _order_of_conductances() -> list[Figure]:
-    model = "model2_ss_single_input"
-    values = published_parameters()[model].printed
-    systems = {"printed": PRINTED[model].system(values), "corrected": _corrected(model, values)}
     return [
         Figure(f"weight of {node}, {what}", float(weight), "")
-        for what, system in systems.items()
+        for what, system in _systems("model2_ss_single_input").items()
         for node, weight in zip(_STATES, system.C[0])
     ]
 
 
 def _order_of_sensors() -> list[Figure]:
-    values = published_parameters()["linear_combined"].printed
-    printed, circuit = PRINTED["linear_combined"], load_circuit("linear_combined")
+    def error_degC(system: StateSpace, inputs: Sequence[str]) -> float:
+        return _TRUTH_DEGC - float(system.D[0] @ _means("2.1", _sensors(inputs)) + system.offset[0])
 
-    def error_degC(inputs: Sequence[str], system: StateSpace) -> float:
-        means = _means("2.1", [column.removesuffix("_degC") for column in inputs])
-        return _TRUTH_DEGC - float(system.D[0] @ means + system.offset[0])
-
-    corrected = error_degC(circuit.inputs, assemble(circuit, values).value)
+    model = "linear_combined"
+    systems, printed = _systems(model), printed_models()[model].inputs
+    corrected = error_degC(systems["corrected"], load_circuit(model).inputs)
     return [
-        Figure("mean error in scenario 2.1, printed order", error_degC(printed.inputs, printed.system(values)), "degC"),
+        Figure("mean error in scenario 2.1, printed order", error_degC(systems["printed"], printed), "degC"),
         Figure("mean error, corrected order", corrected, "degC"),
-        Figure("mean error, published", published_results()["2.1", "linear_combined"].mbe_degC, "degC"),
+        Figure("mean error, published", published_results()["2.1", model].mbe_degC, "degC"),
     ]
 
 
 def _weight() -> list[Figure]:
-    published = published_parameters()["model2_ss"]
-    sensors = [column.removesuffix("_degC") for column in load_circuit("model2_ss").inputs]
+    published, circuit = published_parameters()["model2_ss"], load_circuit("model2_ss")
     figures = []
     for what, values in (("printed", published.printed), ("corrected", published.corrected)):
-        idle = float(dc_gain(_corrected("model2_ss", values))[0] @ _means("1", sensors))
+        idle = float(dc_gain(assemble(circuit, values).value)[0] @ _means("1", _sensors(circuit.inputs)))
         figures += [
             Figure(f"w1, {what}", values["w1"], ""),
             Figure(f"sum of the weights, {what}", values["w1"] + values["w2"] + values["w3"], ""),
@@ -192,20 +181,20 @@ def _objective() -> list[Figure]:
 
 
 def _offset() -> list[Figure]:
-    results = published_results()
-    single = [each for (_, model), each in results.items() if model == NONCAUSAL]
-    others = [each for (_, model), each in results.items() if model != NONCAUSAL]
-    return [
-        Figure("scenarios", len(single), ""),
-        Figure("with mean error 0.00 and symmetric intervals", sum(map(_symmetric, single)), ""),
-        Figure("results of the other models", len(others), ""),
-        Figure("with mean error 0.00 and symmetric intervals", sum(map(_symmetric, others)), ""),
-    ]
+    figures = []
+    for what, single in (("scenarios", True), ("results of the other models", False)):
+        found = [each for (_, model), each in published_results().items() if (model == NONCAUSAL) == single]
+        symmetric = sum(map(_symmetric, found))
+        figures += [
+            Figure(what, len(found), ""),
+            Figure("with mean error 0.00 and symmetric intervals", symmetric, ""),
+        ]
+    return figures
 
 
 def _missing_loss() -> list[Figure]:
     model = "model2_ss_single_input"
-    gain = float(dc_gain(_corrected(model, published_parameters()[model].corrected))[0][0])
+    gain = float(dc_gain(_systems(model)["corrected"])[0][0])
     idle = _TRUTH_DEGC - gain * sensor_statistics()["1", "display"].mean_degC
     return [
         Figure("DC gain of the display in Model 2 single input", gain, ""),
@@ -222,8 +211,14 @@ def _quoted() -> list[Figure]:
     ]
 
 
-def _corrected(model: str, values: Mapping[str, float]) -> StateSpace:
-    return assemble(load_circuit(model), values).value
+def _systems(model: str) -> dict[str, StateSpace]:
+    """A model as printed and as corrected, both with the printed parameters."""
+    corrected = assemble(load_circuit(model), published_parameters()[model].printed).value
+    return {"printed": printed_models()[model].system, "corrected": corrected}
+
+
+def _sensors(columns: Sequence[str]) -> list[str]:
+    return [column.removesuffix("_degC") for column in columns]
 
 
 def _means(scenario: str, sensors: Sequence[str]) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ambient_model.trace import REFERENCE
 from ambient_studies import Progress
-from ambient_studies.thesis.printed import PRINTED
+from ambient_studies.thesis.printed import printed_models
 from ambient_studies.thesis.published import MODELS, NONCAUSAL, published_parameters
 from ambient_trainer.circuits import assemble, load_circuit
 from ambient_trainer.data import Array, Trace, sampling_period_s
@@ -84,10 +84,9 @@ def thesis_methods(training: Trace, progress: Progress) -> list[Method]:
         estimate = partial(estimate_degC, assemble(circuit, published.corrected).value, circuit.hold, circuit.inputs)
         about = f"{circuit.about}; parameters of table {published.table}, found on the thesis's phone"
         methods.append(Method(model, "published_parameters", estimate, about))
-    for model, printed in PRINTED.items():
-        published = published_parameters()[model]
-        estimate = partial(estimate_degC, printed.system(published.printed), "first-order", printed.inputs)
-        about = f"{printed.about}, parameters of table {published.table} as printed"
+    for model, printed in printed_models().items():
+        estimate = partial(estimate_degC, printed.system, "first-order", printed.inputs)
+        about = f"{printed.about}, parameters of table {published_parameters()[model].table} as printed"
         methods.append(Method(model, "as_printed", estimate, about))
     return methods
 
