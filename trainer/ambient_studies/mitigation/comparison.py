@@ -17,8 +17,7 @@ from ambient_model.trace import REFERENCE
 from ambient_model.tracking import Tracker, nearest_discrete
 from ambient_studies import Progress
 from ambient_studies.mitigation.governor import Identified
-from ambient_studies.mitigation.loop import Record, closed_loop, phone_zones
-from ambient_studies.mitigation.plant import skin_degC
+from ambient_studies.mitigation.loop import Record, closed_loop, phone_zones, skin_degC
 from ambient_studies.mitigation.setting import Room, Setting
 from ambient_trainer.data import Trace
 from ambient_trainer.estimators import Effort, Fit, FreeFilterEstimator

@@ -15,15 +15,21 @@ from ambient_model.model import Model
 from ambient_model.observer import Observer
 from ambient_model.tracking import COASTING, DEGRADED, TRACKING, Tracker, nearest_discrete
 from ambient_studies.mitigation.governor import Governor, Identified
-from ambient_studies.mitigation.plant import Plant, skin_degC
 from ambient_studies.mitigation.setting import Case, Knowledge, Room, Setting
 from ambient_trainer.data import Array
-from ambient_trainer.simulator import HeatBalance, Progress, Run, Zone, bursts, load_device, stream
+from ambient_trainer.simulator import HeatBalance, Progress, Run, Sensors, Zone, bursts, integrate, load_device, stream
 
 TRUSTED = (TRACKING, DEGRADED, COASTING)
 """With any other status the governor assumes the hottest room."""
 
-_PROGRESS_EVERY = 50
+SKIN = ("display", "back", "frame")
+"""The nodes of the phone's surface."""
+
+
+def skin_degC(nodes_degC: Array) -> Array:
+    """The hottest surface node, shape (...), of nodes of shape (..., nodes)."""
+    hottest: Array = nodes_degC[..., [load_device().index(node) for node in SKIN]].max(axis=-1)
+    return hottest
 
 
 @dataclass(frozen=True)
@@ -55,7 +61,8 @@ def closed_loop(
     cases = [Case(*each) for each in itertools.product(rooms, seeds, Knowledge)]
     zones = phone_zones(model, identified.sensor)
     names = [zone.name for zone in zones]
-    plant = Plant([_run(case, setting) for case in cases], [case.seed for case in cases], zones, setting.period_s)
+    runs = [_run(case, setting) for case in cases]
+    sensors = Sensors([run.device for run in runs], zones, setting.period_s, [case.seed for case in cases])
     assumed = np.array(
         [setting.usual_degC if each.knowledge is Knowledge.USUAL else setting.hottest_degC for each in cases]
     )
@@ -66,26 +73,23 @@ def closed_loop(
     estimators = _Estimators(model, cases, names, setting.period_s)
     sensor = names.index(identified.sensor)
     time_s: Array = (np.arange(setting.samples, dtype=np.float64) - setting.idle_samples) * setting.period_s
-    kept = np.full((6, len(time_s), len(cases)), np.nan)
-    drawn_W = np.zeros(len(cases))
-    for k, now_s in enumerate(time_s.tolist()):
-        readings, outage = plant.readings_degC, setting.outage
+    air_degC, outage = np.stack([run.air_degC for run in runs], axis=1), setting.outage
+    kept = np.full((3, *air_degC.shape), np.nan)
+
+    def control(k: int, nodes_degC: Array, drawn_W: Array) -> Array:
+        readings, now_s = sensors.read(nodes_degC), float(time_s[k])
         if outage is not None and 60 * outage.from_min <= now_s < 60 * outage.to_min:
             readings[:, names.index(outage.sensor)] = np.nan
         estimate, trusted = estimators.update(now_s, readings)
-        known = np.where(trusted, estimate, np.where(knowing, plant.air_degC, np.nan))
+        known = np.where(trusted, estimate, np.where(knowing, air_degC[k], np.nan))
         cap_W = np.where(free, np.inf, governor.cap_W(readings[:, sensor], known, drawn_W))
-        drawn_W = plant.drawn_W(cap_W)
-        ambient = np.where(free, np.nan, governor.ambient_degC)
-        kept[:, k] = plant.air_degC, skin_degC(plant.nodes_degC), drawn_W, ambient, estimate, trusted
-        if k + 1 < len(time_s):
-            plant.step(cap_W)
-        if progress and k % _PROGRESS_EVERY == 0:
-            progress(k, len(time_s))
-    air, skin, soc_W, ambient, estimate, trusted = kept
+        kept[:, k] = np.where(free, np.nan, governor.ambient_degC), estimate, trusted
+        return cap_W
+
+    done = integrate(runs, setting.period_s, progress, control=control)
     return [
-        Record(case, time_s, air[:, k], skin[:, k], soc_W[:, k], ambient[:, k], estimate[:, k], trusted[:, k] > 0)
-        for k, case in enumerate(cases)
+        Record(case, time_s, run.air_degC, skin_degC(each.nodes_degC), each.processor_W, used, estimate, trusted > 0)
+        for case, run, each, (used, estimate, trusted) in zip(cases, runs, done, kept.transpose(2, 0, 1))
     ]
 
 

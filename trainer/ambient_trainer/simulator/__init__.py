@@ -12,11 +12,11 @@ from ambient_trainer.simulator.device import (
     with_calibrated,
 )
 from ambient_trainer.simulator.fleet import Unit, UnitRun, drawn, nominal, traces_of
-from ambient_trainer.simulator.heat import Demand, HeatBalance
+from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.hidden import Hidden
 from ambient_trainer.simulator.hidden import effects as effect_kinds
 from ambient_trainer.simulator.instruments import felt, probe_reading, zone_reading
-from ambient_trainer.simulator.live import Stepper
+from ambient_trainer.simulator.live import Sensors
 from ambient_trainer.simulator.run import Driven, Progress, Run, bursts, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario, scenario_names
 from ambient_trainer.simulator.signals import SIGNALS

@@ -125,43 +125,27 @@ class Probe:
         return felt_degC
 
 
-class Stepper:
-    """A batch of units of one device with the sensors of some zones, in steps of ``period_s``.
+class Sensors:
+    """The sensors of some zones of a batch of devices of one kind, sample by sample ``period_s`` apart.
 
-    :meth:`start` gives the steady state. Each :meth:`step` integrates the heat balance over ``period_s`` by RK4 in
-    steps of at most ``LONGEST_STEP_S``, and the sensors' first-order lags exactly for a straight line.
+    Each has its first-order lag, exact for a straight line, and the noise that a whole run with its device's seed has.
     """
 
-    def __init__(self, devices: Sequence[Device], zones: Sequence[Zone], period_s: float) -> None:
-        self.balance = HeatBalance(devices)
-        self.zones = tuple(zones)
-        self._period_s = period_s
+    def __init__(self, devices: Sequence[Device], zones: Sequence[Zone], period_s: float, seeds: Sequence[int]) -> None:
+        self._zones, self._seeds = tuple(zones), tuple(seeds)
         self._weights = np.array([[felt_weights(zone, device) for zone in zones] for device in devices])
         self._lag = lag_weights([zone.lag_s for zone in zones], period_s)
-        self.nodes_degC = np.empty((len(devices), self.balance.size))
-        """Shape (batch, nodes)."""
-        self._under = self._felt = np.empty((len(devices), len(zones)))
+        self._random = {seed: [stream(seed, f"zone {zone.name}") for zone in zones] for seed in seeds}
+        self._under: Array | None = None
 
-    def start(self, air_degC: Array, demand: Demand) -> None:
-        """Begin in the steady state with air of shape (batch,)."""
-        self.nodes_degC = self.balance.equilibrium(air_degC, demand)
-        self._under = self._felt = self._mixed()
-
-    def step(self, demand: Demand, air_degC: tuple[Array, Array]) -> None:
-        """Go to the next sample, while the air goes from one temperature to another, shape (batch,) each."""
-        self.nodes_degC = advanced(self.balance.rates, self.nodes_degC, demand, air_degC, self._period_s)
-        under = self._mixed()
-        self._felt, self._under = self._lag.step(self._felt, self._under, under), under
-
-    def readings_degC(self, noise: Array) -> Array:
-        """What the zones report with ``noise`` of unit variance, both of shape (batch, zones)."""
-        columns = [reported(zone, self._felt[:, k], noise[:, k]) for k, zone in enumerate(self.zones)]
+    def read(self, nodes_degC: Array) -> Array:
+        """What they report, shape (batch, zones), of the next sample's nodes; at the first one they are settled."""
+        before, self._under = self._under, np.einsum("bzn,bn->bz", self._weights, nodes_degC)
+        self._felt: Array = self._under if before is None else self._lag.step(self._felt, before, self._under)
+        drawn = {seed: [each.standard_normal() for each in random] for seed, random in self._random.items()}
+        noise = np.array([drawn[seed] for seed in self._seeds])
+        columns = [reported(zone, self._felt[:, k], noise[:, k]) for k, zone in enumerate(self._zones)]
         return np.stack(columns, axis=1)
-
-    def _mixed(self) -> Array:
-        """The temperature under each zone's sensor, shape (batch, zones)."""
-        mixed: Array = np.einsum("bzn,bn->bz", self._weights, self.nodes_degC)
-        return mixed
 
 
 class LiveDevice:
@@ -183,11 +167,11 @@ class LiveDevice:
     ) -> None:
         self.device, self._air_degC, self._start_s = device, air_degC, start_s
         self._seed, self._recording_s = seed, recording_s
-        self._stepper = Stepper([device], zones, _STEP_S)
-        self._noise = [stream(seed, f"zone {zone.name}") for zone in zones]
+        self._balance = HeatBalance([device])
+        self._sensors = Sensors([device], zones, _STEP_S, [seed])
         self._seconds = 0
-        demand = self._stepper.balance.demand(np.array([device.activity_index([activity])]), np.ones(1))
-        self._stepper.start(np.array([air_degC(start_s)]), demand)
+        demand = self._balance.demand(np.array([device.activity_index([activity])]), np.ones(1))
+        self._nodes_degC = self._balance.equilibrium(np.array([air_degC(start_s)]), demand)
         self._read(demand)
 
     @property
@@ -205,7 +189,7 @@ class LiveDevice:
     def battery_degC(self) -> float:
         """The battery's temperature."""
         assert self.device.battery
-        return float(self._stepper.nodes_degC[0, self.device.index(self.device.battery.node)])
+        return float(self._nodes_degC[0, self.device.index(self.device.battery.node)])
 
     @property
     def battery_V(self) -> float:
@@ -217,15 +201,15 @@ class LiveDevice:
         swing, burst = tuple(self.device.activities.values())[activity].bursts, np.ones(1)
         if swing:
             burst = bursts(np.array([self._seconds - self._recording_s]), swing, stream(self._seed, "bursts"))
-        demand = self._stepper.balance.demand(np.array([activity]), burst)
+        demand = self._balance.demand(np.array([activity]), burst)
         at_s = self.next_s - _STEP_S
-        self._stepper.step(demand, (np.array([self._air_degC(at_s)]), np.array([self._air_degC(at_s + _STEP_S)])))
+        air_degC = np.array([self._air_degC(at_s)]), np.array([self._air_degC(at_s + _STEP_S)])
+        self._nodes_degC = advanced(self._balance.rates, self._nodes_degC, demand, air_degC, _STEP_S)
         self._read(demand)
         self._seconds += 1
 
     def _read(self, demand: Demand) -> None:
-        self.current_A = float(self._stepper.balance.drawn(self._stepper.nodes_degC, demand)[1][0])
+        self.current_A = float(self._balance.drawn(self._nodes_degC, demand)[1][0])
         """Into the battery."""
-        noise = np.array([[random.standard_normal() for random in self._noise]])
-        self.zones_degC: list[float] = self._stepper.readings_degC(noise)[0].tolist()
+        self.zones_degC: list[float] = self._sensors.read(self._nodes_degC)[0].tolist()
         """What the zones report."""

@@ -22,6 +22,8 @@ from ambient_trainer.simulator.scenario import Scenario
 
 Progress = Callable[[int, int], None]
 """Receives (samples done, all)."""
+Control = Callable[[int, Array, Array], Array]
+"""From a sample, the nodes then, (batch, nodes), and what the processors drew before to their caps in W, (batch,)."""
 _Number = TypeVar("_Number", np.float64, np.intp)
 
 _LEAST_BURST = 0.1
@@ -97,11 +99,15 @@ def schedule(scenario: Scenario, time_s: Array, device: Device) -> tuple[Array, 
 
 
 def integrate(
-    runs: Sequence[Run], period_s: float, progress: Progress | None = None, added: Sequence[Added] = ()
+    runs: Sequence[Run],
+    period_s: float,
+    progress: Progress | None = None,
+    added: Sequence[Added] = (),
+    control: Control | None = None,
 ) -> list[Driven]:
     """The runs' temperatures, sample by sample; the longest run sets the time it takes.
 
-    ``added`` is what each run's device has in addition, or nothing for all of them.
+    ``added`` is what each run's device has in addition, or nothing for all of them; ``control`` closes a loop.
     """
     balance = HeatBalance([run.device for run in runs])
     additions = Additions(balance, added) if any(each.terms or each.links for each in added) else None
@@ -121,6 +127,9 @@ def integrate(
     for k in range(count):
         demand = balance.demand(activity[k], burst[k])
         nodes[k] = state
+        if control:
+            cap_W = control(k, state[:, :size], drives[k - 1, 0] if k else np.zeros(len(runs)))
+            demand.heat_W[:, balance.processor] = np.minimum(demand.heat_W[:, balance.processor], cap_W)
         drawn, current_A = balance.drawn(state, demand)
         drives[k] = drawn[:, balance.processor], current_A
         if k + 1 < count:

@@ -1,0 +1,61 @@
+"""The phone under caps against an adaptive solver; its sensors, sample by sample, against those of a whole run."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ambient_studies.mitigation.loop import skin_degC
+from ambient_trainer.simulator.device import load_device
+from ambient_trainer.simulator.heat import Demand, HeatBalance
+from ambient_trainer.simulator.instruments import felt, zone_reading
+from ambient_trainer.simulator.live import Sensors
+from ambient_trainer.simulator.run import Run, integrate, stream
+
+PHONE = load_device()
+SOC = PHONE.index("soc")
+ZONES = [PHONE.zone(name) for name in ("soc", "flash", "usb", "msm-skin", "pm8350", "battery-cell")]
+
+
+@pytest.mark.parametrize("period_s", [0.5, 1.0, 5.0])
+def test_sensors_sample_by_sample_are_those_of_a_whole_run(period_s):
+    nodes = 40 + np.cumsum(np.random.default_rng(1).normal(0, 0.3, (400, 2, len(PHONE.nodes))), axis=0)
+    sensors, seeds = Sensors([PHONE] * 2, ZONES, period_s, [4, 5]), (4, 5)
+    readings = np.array([sensors.read(each) for each in nodes])
+    for k, seed in enumerate(seeds):
+        for column, zone in enumerate(ZONES):
+            expected = zone_reading(zone, felt(zone, PHONE, nodes[:, k], period_s), stream(seed, f"zone {zone.name}"))
+            assert readings[:, k, column] == pytest.approx(expected, abs=1e-9), zone.name
+
+
+def test_under_a_cap_it_agrees_with_an_adaptive_solver():
+    random = np.random.default_rng(3)
+    air_degC = 20 + np.cumsum(random.normal(0, 0.1, 300))
+    activity = np.full(300, PHONE.activity_index(["cpu_100"]))
+    run = Run(PHONE, float(air_degC[0]), air_degC, activity, random.uniform(0.5, 1.5, 300), 0)
+    caps_W, drawn_W = np.where(np.arange(300) < 120, 3.0, 1.5), []
+
+    def control(k, nodes_degC, before_W):
+        drawn_W.extend(before_W)
+        return caps_W[k : k + 1]
+
+    [driven], balance = integrate([run], 1.0, control=control), HeatBalance([PHONE])
+    assert drawn_W == [0.0, *driven.processor_W[:-1]]
+    state = driven.nodes_degC[0]
+    for k in range(299):
+        heat_W = balance.demand(run.activity[k : k + 1], run.burst[k : k + 1]).heat_W
+        heat_W[0, SOC] = min(heat_W[0, SOC], caps_W[k])
+
+        def rates(t, nodes, heat_W=heat_W, k=k):
+            air = run.air_degC[k] + (run.air_degC[k + 1] - run.air_degC[k]) * t
+            return balance.rates(nodes[None], np.array([air]), Demand(heat_W, np.zeros(1)))[0]
+
+        state = solve_ivp(rates, (0, 1), state, method="DOP853", rtol=1e-10, atol=1e-10).y[:, -1]
+        assert driven.nodes_degC[k + 1] == pytest.approx(state, abs=5e-4)
+    assert driven.processor_W[-1] == pytest.approx(1.5)
+
+
+def test_the_skin_is_the_hottest_surface_node():
+    nodes = np.arange(2.0 * len(PHONE.nodes)).reshape(2, -1)
+    nodes[0, PHONE.index("back")] = 50.0
+    nodes[:, SOC] = 90.0
+    assert skin_degC(nodes).tolist() == [50.0, 11.0 + PHONE.index("frame")]
