@@ -7,22 +7,22 @@ import pytest
 
 from ambient_model.faults import Refused
 from ambient_model.model import Model
-from ambient_studies.unit_variation.study import CALIBRATION, LIE_DEGC, Plan, learnt, study, unit_run
+from ambient_studies.unit_variation.study import CALIBRATION, LIE_DEGC, Plan, learnt, run_of, study
 from ambient_trainer.data import Trace
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import evaluate_trace
-from ambient_trainer.simulator import simulate
+from ambient_trainer.simulator import logged, simulate
 from ambient_trainer.simulator.device import load_device
-from ambient_trainer.simulator.fleet import drawn, nominal, traces_of
+from ambient_trainer.simulator.fleet import drawn, nominal
 
 PERIOD_S = 5.0
 ZONES = load_device().main_zones
 
 
 def traces(*asked):
-    return traces_of([unit_run(*each, PERIOD_S) for each in asked], PERIOD_S)
+    return [each.trace for each in logged([run_of(*each, PERIOD_S) for each in asked], PERIOD_S)]
 
 
 @pytest.fixture(scope="module")

@@ -22,14 +22,14 @@ from ambient_studies.mitigation.setting import Room, Setting
 from ambient_trainer.data import Trace
 from ambient_trainer.estimators import Effort, Fit, FreeFilterEstimator
 from ambient_trainer.simulator import (
+    Planned,
     Zone,
-    integrate,
     load_device,
     load_scenario,
+    logged,
     prepare,
     probe_reading,
     stream,
-    trace_of,
 )
 
 SCENARIO = "5"
@@ -41,12 +41,12 @@ _MARGIN_PERCENT = 95
 def training_trace(zone: Zone, period_s: float = 1.0, progress: Callable[[int, int], None] | None = None) -> Trace:
     """The run: ``zone``'s column, ``air_degC``, ``soc_power_W``, and the skin as the reference."""
     phone = load_device()
-    driven = integrate([prepare(load_scenario(SCENARIO), SEED, period_s, phone)], period_s, progress)[0]
-    logged = trace_of(driven, SCENARIO, SEED, period_s, [zone])
-    skin = probe_reading(skin_degC(driven.nodes_degC), period_s, stream(SEED, "skin"))[driven.run.unrecorded :]
+    run = prepare(load_scenario(SCENARIO), SEED, period_s, phone)
+    trace, driven, _ = logged([Planned(SCENARIO, SEED, run, [zone])], period_s, progress)[0]
+    skin = probe_reading(skin_degC(driven.nodes_degC), period_s, stream(SEED, "skin"))[run.unrecorded :]
     sensor = f"{zone.name}_degC"
-    columns = {sensor: logged.column(sensor), _AIR: logged.reference, _POWER: logged.column(_POWER), REFERENCE: skin}
-    return replace(logged, columns=columns)
+    columns = {sensor: trace.column(sensor), _AIR: trace.reference, _POWER: trace.column(_POWER), REFERENCE: skin}
+    return replace(trace, columns=columns)
 
 
 def identify(trace: Trace) -> Identified:

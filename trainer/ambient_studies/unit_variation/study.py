@@ -8,6 +8,7 @@ readings.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice, product
 from typing import NamedTuple
 
 import numpy as np
@@ -35,16 +36,17 @@ from ambient_trainer.data import Trace, sampling_period_s
 from ambient_trainer.estimation import results, workers
 from ambient_trainer.evaluation import correction, evaluate_trace
 from ambient_trainer.simulator import (
+    Planned,
     Scenario,
     Step,
     Unit,
-    UnitRun,
     drawn,
     load_scenario,
+    logged,
     nominal,
     prepare,
     stream,
-    traces_of,
+    unit_run,
 )
 
 CALIBRATION = "calibration"
@@ -57,10 +59,10 @@ _SETTLED, _REST = (
 _RESTING = Scenario(about=f"At rest at {CALIBRATION_DEGC:g} degC", before=(_SETTLED,), steps=(_REST,))
 
 
-def unit_run(unit: Unit, cased: bool, scenario: str, seed: int, period_s: float) -> UnitRun:
+def run_of(unit: Unit, cased: bool, scenario: str, seed: int, period_s: float) -> Planned:
     """A unit in a shipped scenario, or at the rest during which it is calibrated; ``seed`` is of weather and noise."""
     asked = _RESTING if scenario == CALIBRATION else load_scenario(scenario)
-    return UnitRun(unit, cased, scenario, seed, prepare(asked, seed, period_s, unit.phone))
+    return unit_run(unit, cased, scenario, seed, prepare(asked, seed, period_s, unit.phone), period_s)
 
 
 DAYS = 7
@@ -224,32 +226,30 @@ def study(model: Model, plan: Plan, jobs: int, progress: Progress) -> Study:
 def _scored(model: Model, units: Sequence[Unit], plan: Plan) -> list[ScoredUnit]:
     with threadpool_limits(1):
         runs = [run for unit in units for run in _runs(unit, plan)]
-        logged = traces_of(runs, plan.period_s)
-        each = len(runs) // len(units)
-        return [
-            _one(model, unit.number, plan.seed, runs[first : first + each], logged[first : first + each])
-            for unit, first in zip(units, range(0, len(runs), each))
-        ]
+        traces = iter([each.trace for each in logged(runs, plan.period_s)])
+        return [_one(model, unit.number, plan, list(islice(traces, len(runs) // len(units)))) for unit in units]
 
 
-def _runs(unit: Unit, plan: Plan) -> list[UnitRun]:
+def _runs(unit: Unit, plan: Plan) -> list[Planned]:
+    """A unit's calibration, its days of readings, and the runs that are scored."""
     seed = _CALIBRATIONS_APART * plan.seed + unit.number
     asked = [(False, CALIBRATION, seed + _DAYS_APART * day) for day in range(DAYS + 1)]
-    asked += [(cased, name, plan.seed) for name in plan.scenarios for cased in (False, True)]
-    return [unit_run(unit, *each, plan.period_s) for each in asked]
+    asked += [(cased, name, plan.seed) for name, cased in product(plan.scenarios, (False, True))]
+    return [run_of(unit, *each, plan.period_s) for each in asked]
 
 
-def _one(model: Model, number: int, seed: int, runs: Sequence[UnitRun], logged: Sequence[Trace]) -> ScoredUnit:
-    found = correction.correction(model, logged[0], 60 * ON_BEFORE_MIN)
+def _one(model: Model, number: int, plan: Plan, traces: Sequence[Trace]) -> ScoredUnit:
+    calibration, days, scored = traces[0], traces[1 : DAYS + 1], traces[DAYS + 1 :]
+    found = correction.correction(model, calibration, 60 * ON_BEFORE_MIN)
     improved = correction.corrected(model, found, {"trace": CALIBRATION})
-    week = learnt(model, number, seed, logged[1 : DAYS + 1])[-1]
-    lied_degC = max(abs(each.offset_degC) for each in learnt(model, number, seed, logged[1 : DAYS + 1], LIE_DEGC))
-    scored = zip(runs[DAYS + 1 :], logged[DAYS + 1 :])
-    scores = [_score(run, model, improved, trace, week) for run, trace in scored]
+    week = learnt(model, number, plan.seed, days)[-1]
+    lied_degC = max(abs(each.offset_degC) for each in learnt(model, number, plan.seed, days, LIE_DEGC))
+    groups = product(plan.scenarios, (False, True))
+    scores = [_score(*group, model, improved, trace, week) for group, trace in zip(groups, scored)]
     return ScoredUnit(number, found.offsets_degC[correction.MAIN], tuple(scores), week.offset_degC, lied_degC)
 
 
-def _score(run: UnitRun, model: Model, improved: Model, trace: Trace, week: Learnt) -> Score:
+def _score(scenario: str, cased: bool, model: Model, improved: Model, trace: Trace, week: Learnt) -> Score:
     before, after = evaluate_trace(model, trace), evaluate_trace(improved, trace)
     learning = evaluate_trace(model, _without(model, trace, week.sensors_degC))
     metrics, known = learning.metrics, np.isfinite(learning.error_degC)
@@ -258,8 +258,8 @@ def _score(run: UnitRun, model: Model, improved: Model, trace: Trace, week: Lear
     moved_degC = learning.reference_degC[known] - week.offset_degC
     inside = (learning.low_degC[known] <= moved_degC) & (moved_degC <= learning.high_degC[known])
     return Score(
-        run.scenario,
-        run.cased,
+        scenario,
+        cased,
         before.metrics.rmse_degC,
         before.metrics.mbe_degC,
         before.metrics.sigma_degC,

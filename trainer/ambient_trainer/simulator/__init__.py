@@ -11,7 +11,7 @@ from ambient_trainer.simulator.device import (
     rounded,
     with_calibrated,
 )
-from ambient_trainer.simulator.fleet import Unit, UnitRun, drawn, nominal, traces_of
+from ambient_trainer.simulator.fleet import Unit, drawn, nominal, unit_run
 from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.hidden import Hidden
 from ambient_trainer.simulator.hidden import effects as effect_kinds
@@ -20,5 +20,5 @@ from ambient_trainer.simulator.live import Sensors
 from ambient_trainer.simulator.run import Driven, Progress, Run, bursts, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario, scenario_names
 from ambient_trainer.simulator.signals import SIGNALS
-from ambient_trainer.simulator.simulate import Simulated, Truth, simulate, simulate_many, trace_of
+from ambient_trainer.simulator.simulate import Planned, Simulated, Truth, logged, simulate, simulate_many
 from ambient_trainer.simulator.text import draw_hidden

@@ -18,12 +18,11 @@ import numpy as np
 
 from ambient_model.faults import refuse
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.simulator.additions import Added, together
 from ambient_trainer.simulator.device import Device, Tolerances, Zone, load_device
 from ambient_trainer.simulator.hidden import Acting, Hidden
-from ambient_trainer.simulator.run import Progress, Run, integrate, prepare, stream
+from ambient_trainer.simulator.run import Progress, Run, prepare, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario
-from ambient_trainer.simulator.simulate import Instruments, setting_of, trace_of
+from ambient_trainer.simulator.simulate import Planned, logged, setting_of
 from ambient_trainer.simulator.text import hidden_text, parse_hidden
 
 _MOST_SHARE = 0.98
@@ -118,32 +117,13 @@ def _scatter(deviation: float, random: np.random.Generator) -> float:
     return math.exp(deviation * random.standard_normal())
 
 
-@dataclass(frozen=True)
-class UnitRun:
-    """A unit, in its case since ever or bare, in a run of a scenario with ``seed`` for its weather and noise."""
-
-    unit: Unit
-    cased: bool
-    scenario: str
-    seed: int
-    run: Run
-    acting: Sequence[Acting] = ()
-    """What is hidden in it besides."""
-
-    def added(self, period_s: float) -> Added:
-        """What case and effects add to the unit."""
-        setting, random = setting_of(self.run, period_s), partial(stream, self.seed, "case")
-        case = [setting.with_hidden(each, random) for each in self.unit.case * self.cased]
-        return together([each.part(number) for number, each in enumerate([*self.acting, *case])])
-
-
-def traces_of(runs: Sequence[UnitRun], period_s: float) -> list[Trace]:
-    """What each run logs, in the time of the longest."""
-    done = integrate([each.run for each in runs], period_s, added=[each.added(period_s) for each in runs])
-    return [
-        trace_of(driven, each.scenario, each.seed, period_s, each.unit.zones, Instruments(each.unit.gains, each.acting))
-        for each, driven in zip(runs, done)
-    ]
+def unit_run(
+    unit: Unit, cased: bool, scenario: str, seed: int, run: Run, period_s: float, acting: Sequence[Acting] = ()
+) -> Planned:
+    """A unit in a run of a scenario, in its case since ever or bare, with what is hidden in it besides."""
+    setting, random = setting_of(run, period_s), partial(stream, seed, "case")
+    case = [setting.with_hidden(each, random) for each in unit.case * cased]
+    return Planned(scenario, seed, run, unit.zones, (*acting, *case), gains=unit.gains)
 
 
 CASE_ON, CASE_OFF = "on", "off"
@@ -197,31 +177,36 @@ def fleet(plan: FleetPlan, progress: Progress | None = None) -> Iterator[FleetUn
     for first in range(1, plan.count + 1, _AT_ONCE):
         numbers = range(first, min(first + _AT_ONCE, plan.count + 1))
         runs = [_run(plan, device, scenario, number, hidden.get(number, ())) for number in numbers]
-        yield from map(_logged, runs, traces_of(runs, plan.period_s))
+        done = logged([run for *_, run in runs], plan.period_s)
+        for (unit, case, _), (trace, *_) in zip(runs, done):
+            yield _logged(unit, case, hidden.get(unit.number, ()), trace)
         if progress:
             progress(numbers[-1], plan.count)
 
 
-def _run(plan: FleetPlan, device: Device, scenario: Scenario, number: int, hidden: Sequence[Hidden]) -> UnitRun:
+def _run(
+    plan: FleetPlan, device: Device, scenario: Scenario, number: int, hidden: Sequence[Hidden]
+) -> tuple[Unit, str, Planned]:
+    """A unit, its case, and its run."""
     unit = drawn(number, plan.seed, device.main_zones, device)
-    cased = stream(plan.seed, f"unit {number} cased").uniform() < plan.cased
+    cased = bool(stream(plan.seed, f"unit {number} cased").uniform() < plan.cased)
     seed = _RUNS_APART * (plan.seed + 1) + 10_000_019 * plan.run + number
     run = prepare(_usage(scenario, seed, plan.minutes), seed, plan.period_s, unit.phone)
     setting = setting_of(run, plan.period_s)
     own = [partial(stream, seed, f"hidden {each.cause} {each.location}") for each in hidden]
     acting = list(map(setting.with_hidden, hidden, own))
-    return UnitRun(unit, cased, plan.scenario, seed, run, acting)
+    planned = unit_run(unit, cased, plan.scenario, seed, run, plan.period_s, acting)
+    return unit, CASE_ON if cased else CASE_OFF, planned
 
 
-def _logged(run: UnitRun, trace: Trace) -> FleetUnit:
-    unit, name, case = run.unit, f"u{run.unit.number:05d}", CASE_ON if run.cased else CASE_OFF
-    effects = [each.hidden for each in run.acting]
+def _logged(unit: Unit, case: str, hidden: Sequence[Hidden], trace: Trace) -> FleetUnit:
+    name = f"u{unit.number:05d}"
     truth = {
         "unit": name,
         "case": case,
         "offset_K": {zone.name: zone.offset_degC for zone in unit.zones},
         "gain": dict(unit.gains),
-        "hidden": [{"text": hidden_text(each), "cause": each.cause, "location": each.location} for each in effects],
+        "hidden": [{"text": hidden_text(each), "cause": each.cause, "location": each.location} for each in hidden],
     }
     return FleetUnit(name, replace(trace, path=name), case, truth)
 

@@ -1,7 +1,4 @@
-"""What instruments make of true temperatures: lag, noise, calibration, rounding, and what is wrong with them."""
-
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+"""What instruments make of true temperatures: lag, noise, calibration and rounding."""
 
 import numpy as np
 
@@ -9,40 +6,6 @@ from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator.chamber import Probes
 from ambient_trainer.simulator.device import Device, Zone
-from ambient_trainer.simulator.hidden import Acting
-
-GAIN_REFERENCE_DEGC = 25.0
-
-
-@dataclass(frozen=True)
-class Instruments:
-    """The instruments of a run, with what is wrong with them; each is used once a run."""
-
-    gains: Mapping[str, float] = field(default_factory=dict)
-    """By zone the relative error of the slope, about :data:`GAIN_REFERENCE_DEGC`."""
-    acting: Sequence[Acting] = ()
-
-    def felt(self, zone: str, felt_degC: Array) -> Array:
-        """The temperature of ``zone``'s sensor itself, shape (n,)."""
-        felt_degC = felt_degC + self.gains.get(zone, 0.0) * (felt_degC - GAIN_REFERENCE_DEGC)
-        for each in self._at(zone):
-            felt_degC = each.effect.felt(each, felt_degC)
-        return felt_degC
-
-    def read(self, zone: str, reading_degC: Array, step_degC: float) -> Array:
-        """What ``zone`` reports, shape (n,), in steps of ``step_degC``."""
-        for each in self._at(zone):
-            reading_degC = each.effect.read(each, reading_degC, step_degC)
-        return reading_degC
-
-    def air(self, air_degC: Array) -> Array:
-        """The air that the reference records, shape (n,)."""
-        for each in self.acting:
-            air_degC = each.effect.air(each, air_degC)
-        return air_degC
-
-    def _at(self, zone: str) -> list[Acting]:
-        return [each for each in self.acting if each.hidden.location == zone]
 
 
 def felt(zone: Zone, device: Device, nodes_degC: Array, period_s: float) -> Array:

@@ -7,23 +7,24 @@ device, seed, period and effects give the same trace.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ambient_model.faults import Fault, Refused
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.simulator.additions import together
+from ambient_trainer.simulator.additions import Added, together
 from ambient_trainer.simulator.device import DEFAULT, Device, Zone, load_device
 from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.hidden import SOURCE, Acting, Hidden, Ran, Setting, faults, run_faults
-from ambient_trainer.simulator.instruments import Instruments, felt, probe_reading, zone_reading
+from ambient_trainer.simulator.instruments import felt, probe_reading, zone_reading
 from ambient_trainer.simulator.run import Driven, Progress, Run, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import load_scenario
 from ambient_trainer.simulator.signals import SIGNALS, signal
 from ambient_trainer.simulator.text import parse_hidden
 
-_FAULTLESS = Instruments()
+_GAIN_REFERENCE_DEGC = 25.0
 Asked = tuple[str, int] | tuple[str, int, Sequence[Hidden]]
 """Scenario, seed and, where there are some, effects."""
 
@@ -109,63 +110,79 @@ def simulate_many(
     bare: list[_Key] = [(name, of, ()) for name, of, _ in asked]
     alone: list[_Key] = [(name, of, (each,)) for name, of, hidden in asked for each in hidden]
     every = list(dict.fromkeys([*asked, *bare, *alone] if sizes else asked))
-    planned = {key: _planned(key, period_s, decoys, device) for key in every}
-    parts = [[each.part(number) for number, each in enumerate(acting)] for _, _, acting in planned.values()]
-    driven = integrate([run for run, *_ in planned.values()], period_s, progress, list(map(together, parts)))
-    done: dict[_Key, _Done] = {}
-    for (key, (_, setting, acting)), ended, own in zip(planned.items(), driven, parts):
-        name, seed, _ = key
-        instruments = Instruments(acting=acting)
-        trace = trace_of(ended, name, seed, period_s, zones or device.main_zones, instruments, setting.signals)
-        all_added = together(own)
-        ran = [
-            Ran(**vars(each), driven=ended, added=added, all_added=all_added, trace=trace)
-            for each, added in zip(acting, own)
-        ]
-        done[key] = trace, ran
+    planned = {key: _planned(key, period_s, decoys, device, zones or device.main_zones) for key in every}
+    done = dict(zip(planned, logged(list(planned.values()), period_s, progress)))
     return [_answered(key, done, sizes) for key in asked]
 
 
-def trace_of(
-    driven: Driven,
-    scenario: str,
-    seed: int,
-    period_s: float,
-    zones: Sequence[Zone],
-    instruments: Instruments = _FAULTLESS,
-    signals: Mapping[str, Array] = {},
-) -> Trace:
-    """What device and laboratory log of a run, from the recording's first sample on."""
-    run, device = driven.run, driven.run.device
+@dataclass(frozen=True)
+class Planned:
+    """A run that the sensors of ``zones`` are to log, with what acts in it and the ``signals`` of that."""
+
+    scenario: str
+    seed: int
+    run: Run
+    zones: Sequence[Zone]
+    acting: Sequence[Acting] = ()
+    signals: Mapping[str, Array] = field(default_factory=dict)
+    gains: Mapping[str, float] = field(default_factory=dict)
+    """By zone the relative error of its sensor's slope, about 25 degC."""
+
+
+class Logged(NamedTuple):
+    """What device and laboratory log of a run, from the recording's first sample on; how it went; its effects."""
+
+    trace: Trace
+    driven: Driven
+    effects: list[Ran]
+
+
+def logged(planned: Sequence[Planned], period_s: float, progress: Progress | None = None) -> list[Logged]:
+    """What comes of runs of one device, in the time of the longest."""
+    parts = [[effect.part(number) for number, effect in enumerate(each.acting)] for each in planned]
+    driven = integrate([each.run for each in planned], period_s, progress, list(map(together, parts)))
+    return [_logged(each, period_s, done, own) for each, done, own in zip(planned, driven, parts)]
+
+
+def _logged(planned: Planned, period_s: float, driven: Driven, parts: Sequence[Added]) -> Logged:
+    run, device, seed, air_degC = driven.run, driven.run.device, planned.seed, driven.run.air_degC
     kept = slice(run.unrecorded, None)
     columns: dict[str, Array] = {}
-    for zone in zones:
-        warm = instruments.felt(zone.name, felt(zone, device, driven.nodes_degC, period_s))
+    for zone in planned.zones:
+        here = [each for each in planned.acting if each.hidden.location == zone.name]
+        warm = felt(zone, device, driven.nodes_degC, period_s)
+        warm = warm + planned.gains.get(zone.name, 0.0) * (warm - _GAIN_REFERENCE_DEGC)
+        for each in here:
+            warm = each.effect.felt(each, warm)
         reading = zone_reading(zone, warm, stream(seed, f"zone {zone.name}"))
-        columns[f"{zone.name}_degC"] = instruments.read(zone.name, reading, zone.step_degC)[kept]
-    air_degC = instruments.air(run.air_degC)
+        for each in here:
+            reading = each.effect.read(each, reading, zone.step_degC)
+        columns[f"{zone.name}_degC"] = reading[kept]
+    for each in planned.acting:
+        air_degC = each.effect.air(each, air_degC)
     columns[REFERENCE] = probe_reading(air_degC, period_s, stream(seed, "probes"), device.chamber.probes)[kept]
     columns[device.processor.logs] = np.round(driven.processor_W[kept], 3)
     for name, idle in device.activities[device.idle].logs.items():
-        logged = np.array([each.logs.get(name, idle) for each in device.activities.values()])
-        columns[name] = logged[run.activity[kept]]
+        values = np.array([each.logs.get(name, idle) for each in device.activities.values()])
+        columns[name] = values[run.activity[kept]]
     if device.battery:
         columns[device.battery.logs] = np.round(driven.current_A[kept], 3)
     if device.fan:
         columns[device.fan.logs] = np.round(HeatBalance([device]).fan_frac(driven.nodes_degC[kept]), 3)
     time_s = np.round(np.arange(len(run.air_degC) - run.unrecorded) * period_s, 6)
     # in an order that reveals nothing
-    columns |= {name: values[kept] for name, values in sorted((signals or {}).items())}
-    notes = {"simulated": "yes", "scenario": scenario, "seed": str(seed)}
-    return Trace(f"scenario {scenario}", time_s, columns, notes)
+    columns |= {name: values[kept] for name, values in sorted(planned.signals.items())}
+    notes = {"simulated": "yes", "scenario": planned.scenario, "seed": str(seed)}
+    trace = Trace(f"scenario {planned.scenario}", time_s, columns, notes)
+    in_it: dict[str, Any] = {"driven": driven, "all_added": together(parts), "trace": trace}
+    effects = [Ran(**vars(each), **in_it, added=added) for each, added in zip(planned.acting, parts)]
+    return Logged(trace, driven, effects)
 
 
 _Key = tuple[str, int, tuple[Hidden, ...]]
-_Done = tuple[Trace, list[Ran]]
 
 
-def _planned(key: _Key, period_s: float, decoys: Sequence[str], device: Device) -> tuple[Run, Setting, list[Acting]]:
-    """A run, where effects act in it, and those that do."""
+def _planned(key: _Key, period_s: float, decoys: Sequence[str], device: Device, zones: Sequence[Zone]) -> Planned:
     scenario, seed, hidden = key
     run = prepare(load_scenario(scenario), seed, period_s, device)
     bare = setting_of(run, period_s)
@@ -176,7 +193,10 @@ def _planned(key: _Key, period_s: float, decoys: Sequence[str], device: Device) 
         if name is not None
     }
     setting = replace(bare, signals=signals)
-    return run, setting, [setting.with_hidden(each, partial(_random, seed, each)) for each in hidden]
+    # random numbers of each one's own, whatever its size and whatever else is hidden
+    purposes = [f"hidden {each.cause} {each.location} {each.signal} {each.onset_s:g}" for each in hidden]
+    acting = [setting.with_hidden(each, partial(stream, seed, of)) for each, of in zip(hidden, purposes)]
+    return Planned(scenario, seed, run, zones, acting, signals)
 
 
 def setting_of(run: Run, period_s: float) -> Setting:
@@ -185,23 +205,18 @@ def setting_of(run: Run, period_s: float) -> Setting:
     return Setting(run.device, time_s, period_s, {})
 
 
-def _answered(key: _Key, done: dict[_Key, _Done], sizes: bool) -> Simulated:
+def _answered(key: _Key, done: Mapping[_Key, Logged], sizes: bool) -> Simulated:
     name, seed, hidden = key
-    trace, ran = done[key]
+    trace, _, ran = done[key]
     truths = tuple(map(truth, ran))
     if not sizes:
         return Simulated(trace, hidden, truths, None)
-    clean, _ = done[name, seed, ()]
+    clean = done[name, seed, ()].trace
     alone = [done[name, seed, (each,)] for each in hidden]
-    measured = [size_degC(one, clean, its) for one, (its,) in alone]
+    measured = [size_degC(one, clean, its) for one, _, (its,) in alone]
     truths = tuple(replace(each, size_degC=size, worst=worst) for each, (size, worst) in zip(truths, measured))
-    logged = {column: values for column, values in trace.columns.items() if column not in clean.columns}
-    return Simulated(trace, hidden, truths, replace(clean, columns={**clean.columns, **logged}))
-
-
-def _random(seed: int, hidden: Hidden) -> np.random.Generator:
-    """An effect's own, whatever its size and whatever else is hidden."""
-    return stream(seed, f"hidden {hidden.cause} {hidden.location} {hidden.signal} {hidden.onset_s:g}")
+    further = {column: values for column, values in trace.columns.items() if column not in clean.columns}
+    return Simulated(trace, hidden, truths, replace(clean, columns={**clean.columns, **further}))
 
 
 def _check(runs: Sequence[_Key], decoys: Sequence[str], device: Device) -> None:
