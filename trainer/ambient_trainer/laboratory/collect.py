@@ -11,9 +11,8 @@ a period. Nothing is repeated or interpolated.
 import contextlib
 import math
 import os
-import threading
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future, wait
+from concurrent.futures import wait
 from datetime import datetime, timezone
 from typing import NamedTuple
 
@@ -24,7 +23,7 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.laboratory.campaign import Campaign, Laboratory, LoadedCampaign
 from ambient_trainer.laboratory.journal import Head, Journal, Record, read_journal
-from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Clock, Identity, LoadState, Note
+from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Clock, Identity, LoadState, Note, in_background
 from ambient_trainer.laboratory.program import Program
 from ambient_trainer.laboratory.run import Ending, Equipment, Outcome, Run, Supervision, equipment_of, identify
 from ambient_trainer.laboratory.watchdog import Watchdog
@@ -85,15 +84,7 @@ def collect(job: Job, supervision: Supervision) -> Collected:
 
 def _identified(equipment: Equipment, loaded: LoadedCampaign, supervision: Supervision) -> Identified:
     """What :func:`identify` finds; raises :class:`Refused` at once where it is to stop, as nothing has moved."""
-    found: Future[Identified] = Future()
-
-    def ask() -> None:
-        try:
-            found.set_result(identify(equipment, loaded))
-        except BaseException as error:
-            found.set_exception(error)
-
-    threading.Thread(target=ask, name="identify", daemon=True).start()
+    found = in_background(identify, equipment, loaded)
     while not wait([found], _POLL_S).done:
         if why := supervision.stopping():
             raise refuse("the laboratory", "", why, "nothing was moved")

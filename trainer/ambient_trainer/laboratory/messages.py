@@ -8,7 +8,10 @@ came.
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from concurrent.futures import Future
+from typing import Any, NamedTuple, TypeVar
+
+_Result = TypeVar("_Result")
 
 
 class Clock:
@@ -46,6 +49,20 @@ class Clock:
     def patience_s(self, duration_s: float) -> float:
         """The machine's seconds to wait for what takes at most ``duration_s``, enough for a machine to answer in."""
         return max(self.wall_s(duration_s), min(duration_s, self.LEAST_PATIENCE_S))
+
+
+def in_background(question: Callable[..., _Result], *arguments: object) -> Future[_Result]:
+    """What ``question`` comes to, asked in a thread of its own; one that is never answered holds nothing up."""
+    answer: Future[_Result] = Future()
+
+    def ask() -> None:
+        try:
+            answer.set_result(question(*arguments))
+        except BaseException as error:
+            answer.set_exception(error)
+
+    threading.Thread(target=ask, name=question.__name__, daemon=True).start()
+    return answer
 
 
 CHAMBER, MULTIPLEXER, THERMOMETER, DEVICE = "chamber", "multiplexer", "thermometer", "device"

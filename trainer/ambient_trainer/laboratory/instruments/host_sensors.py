@@ -9,8 +9,8 @@ import contextlib
 import os
 import tempfile
 import threading
-import time
 from collections.abc import Mapping
+from concurrent.futures import Future, wait
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -26,7 +26,7 @@ from ambient_trainer.laboratory.instruments import (
     Positive,
     probe_values,
 )
-from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse, Reading
+from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse, Reading, in_background
 
 _POWER_ON_DEGC = 85.0
 _CHANNEL_HINT = "name a file below /sys, such as bus/iio/devices/iio:device0/in_temp_input, or a 1-wire number"
@@ -50,33 +50,12 @@ class Settings(MultiplexerSettings):
     probes: Annotated[dict[Name, Annotated[str, AfterValidator(_a_file)]], Field(min_length=1)]
 
 
-class _Question(threading.Thread):
-    """One file, read in a thread of its own: a bus takes its time, and some of them side by side take it once."""
-
-    answer: tuple[float | None, str | None] = None, None
-
-    def __init__(self, root: str, channel: str) -> None:
-        super().__init__(name=channel, daemon=True)
-        self._root, self._channel = Path(root), channel
-        self.start()
-
-    def run(self) -> None:
-        """Read it; the answer is a temperature, or why there is none."""
-        try:
-            files = sorted(self._root.glob(self._channel))
-            if len(files) != 1:
-                raise ValueError(f"{len(files)} files where one is expected")
-            value = _read(files[0])
-            if not PLAUSIBLE_DEGC[0] <= value <= PLAUSIBLE_DEGC[1]:
-                raise ValueError(f"{value:g} degC")
-            self.answer = value, None
-        except (OSError, ValueError) as error:
-            self.answer = None, os.strerror(error.errno or 0) if isinstance(error, OSError) else str(error)
-
-
-def _read(file: Path) -> float:
-    """The temperature in a file, in degC; raises ``ValueError`` with the reason where it holds none."""
-    text = file.read_text()
+def _temperature_degC(root: str, channel: str) -> float:
+    """What a sensor reads; raises ``OSError``, or ``ValueError`` with the reason why that is no temperature."""
+    files = sorted(Path(root).glob(channel))
+    if len(files) != 1:
+        raise ValueError(f"{len(files)} files where one is expected")
+    file, text = files[0], files[0].read_text()
     if not text.endswith("\n"):
         raise ValueError("an answer that is cut")
     if file.name == "w1_slave":
@@ -90,6 +69,8 @@ def _read(file: Path) -> float:
         value *= float(scale.read_text()) if scale.exists() else 1.0
     if "/w1/" in str(file) and value == 1000.0 * _POWER_ON_DEGC:
         raise ValueError("85 degC, its value before the first conversion")
+    if not PLAUSIBLE_DEGC[0] <= value / 1000.0 <= PLAUSIBLE_DEGC[1]:
+        raise ValueError(f"{value / 1000.0:g} degC")
     return value / 1000.0
 
 
@@ -98,7 +79,7 @@ class Driver:
 
     def __init__(self, settings: Settings, clock: Clock, offsets: Mapping[str, ProbeOffset] | None = None) -> None:
         self._settings, self._clock, self._offsets = settings, clock, offsets
-        self._late: dict[str, _Question] = {}
+        self._late: dict[str, Future[float]] = {}
 
     def identify(self) -> str:
         self.read()
@@ -106,24 +87,29 @@ class Driver:
 
     def read(self) -> Reading:
         """One reading of each; the note has why there is none of some, the error of all."""
-        asked_s = self._clock.now_s()
-        end_s = time.monotonic() + self._clock.patience_s(self._settings.timeout_s)
+        asked_s, port, probes = self._clock.now_s(), self._settings.port, self._settings.probes
         # what is not over yet is not asked again, and its answer is of no use any more
-        late = {name: each for name, each in self._late.items() if each.is_alive()}
-        port, probes = self._settings.port, self._settings.probes
-        asked = {name: _Question(port, probes[name]) for name in probes if name not in late}
-        for each in asked.values():
-            each.join(max(end_s - time.monotonic(), 0.0))
-        self._late = late | {name: each for name, each in asked.items() if each.is_alive()}
-        nothing = None, "no answer in time"
-        results = {name: nothing if name in self._late else asked[name].answer for name in probes}
-        reasons = "; ".join(f"{name}: {reason}" for name, (_, reason) in results.items() if reason)
-        if all(value is None for value, _ in results.values()):
-            kind = NoResponse if "no answer" in reasons else Disconnected
+        late = {name: each for name, each in self._late.items() if not each.done()}
+        # side by side: a bus takes its time, and some of them take it once
+        asked = {name: in_background(_temperature_degC, port, probes[name]) for name in probes if name not in late}
+        over, _ = wait(asked.values(), self._clock.patience_s(self._settings.timeout_s))
+        self._late = late | {name: each for name, each in asked.items() if each not in over}
+        known: dict[str, float | None] = dict.fromkeys(probes)
+        reasons = []
+        for name in probes:
+            if name in self._late:
+                reasons.append(f"{name}: no answer in time")
+            elif (error := asked[name].exception()) is None:
+                known[name] = asked[name].result()
+            else:
+                reason = os.strerror(error.errno or 0) if isinstance(error, OSError) else error
+                reasons.append(f"{name}: {reason}")
+        if len(reasons) == len(probes):
+            kind = NoResponse if self._late else Disconnected
             hint = f"is it connected, and its driver loaded? {_CHANNEL_HINT}"
-            raise kind("multiplexer", self._settings.port, "a temperature of any of its sensors", reasons, hint)
-        values = probe_values({name: value for name, (value, _) in results.items()}, self._offsets)
-        return Reading(asked_s, self._clock.now_s(), values, reasons or None)
+            expected = "a temperature of any of its sensors"
+            raise kind("multiplexer", port, expected, "; ".join(reasons), hint)
+        return Reading(asked_s, self._clock.now_s(), probe_values(known, self._offsets), "; ".join(reasons) or None)
 
     def close(self) -> None:
         """Nothing is held."""
