@@ -158,15 +158,6 @@ decode = text_replies(b"\n", b"\r", _LONGEST, _parsed)
 """From the bytes that a multiplexer sends to its replies."""
 
 
-def encode(reply: Reply) -> bytes:
-    """The bytes of a reply."""
-    texts = [str(reply)] if isinstance(reply, ErrorText) else list(map(str, reply))
-    if isinstance(reply, Scan):
-        texts = [f"{OPEN if value is None else value:+.8E}" for value in reply.readings]
-        texts = [f"{text},{channel}" for text, channel in zip(texts, reply.channels)] if reply.channels else texts
-    return ",".join(texts).encode("ascii") + b"\r\n"
-
-
 class Driver(SerialDriver):
     """The multiplexer on its line; ``read`` sets up the scan where the instrument may have none."""
 
@@ -256,7 +247,7 @@ class Simulated(SimulatedInstrument):
         head, _, argument = command.partition(" ")
         match head:
             case "*IDN?":
-                yield Response(_ANSWERS_AFTER_S, encode(Identity("HEWLETT-PACKARD", MODELS[0], "0", "13-2-2")))
+                yield Response(_ANSWERS_AFTER_S, b"HEWLETT-PACKARD,34970A,0,13-2-2\r\n")
             case "*RST":
                 yield Response(0.0, XOFF)  # its buffer is small, and it does not listen meanwhile
                 self._reset()
@@ -265,7 +256,7 @@ class Simulated(SimulatedInstrument):
                 self._errors.clear()
             case "SYST:ERR?":
                 error = self._errors.popleft() if self._errors else ErrorText(0, "No error")
-                yield Response(_ANSWERS_AFTER_S, encode(error))
+                yield Response(_ANSWERS_AFTER_S, f"{error}\r\n".encode("ascii"))
             case "CONF:TEMP":
                 self._scanned = self._channels(argument[argument.index("(") :])
                 self._configured |= {*self._scanned}
@@ -286,9 +277,11 @@ class Simulated(SimulatedInstrument):
             self._errors.append(ErrorText(-221, "Settings conflict"))
             return
         due_s = self._clock.now_s() + _CHANNEL_S * np.arange(1, len(self._scanned) + 1)
-        readings = tuple(self.probes[channel].read(at_s) for channel, at_s in zip(self._scanned, due_s.tolist()))
-        channels = tuple(self._scanned) if self._with_channels else None
-        yield Response(len(readings) * _CHANNEL_S, encode(Scan(readings, channels)))
+        texts = []
+        for channel, at_s in zip(self._scanned, due_s.tolist()):
+            value = self.probes[channel].read(at_s)
+            texts.append(f"{OPEN if value is None else value:+.8E}" + f",{channel}" * self._with_channels)
+        yield Response(len(texts) * _CHANNEL_S, f"{','.join(texts)}\r\n".encode("ascii"))
 
     def _channels(self, text: str) -> list[int]:
         """The channels of a list such as ``(@101,103)``, in the instrument's order."""

@@ -129,6 +129,9 @@ class Fault(NamedTuple):
     number: int
     text: str
 
+    def __str__(self) -> str:
+        return f"{self.number:02d} {self.text}".rstrip()
+
 
 Reply = State | Done | Fault | str
 """Of the text of another line."""
@@ -148,14 +151,6 @@ def _parsed(line: str) -> Reply | Malformed:
 
 decode = serial_line.text_replies(b"\r", b"\n", _LONGEST, _parsed)
 """From the bytes that a chamber sends to its replies."""
-
-
-def encode(reply: Reply) -> bytes:
-    """The bytes of a reply."""
-    if isinstance(reply, State):
-        return b"%s %s\r" % (_numbers(reply.values), _bits(reply.outputs))
-    text = f"{reply.number:02d} {reply.text}".rstrip() if isinstance(reply, Fault) else "0"
-    return (reply if isinstance(reply, str) else text).encode("ascii") + b"\r"
 
 
 def _numbers(values: Sequence[float]) -> bytes:
@@ -194,7 +189,7 @@ class Driver(SerialDriver):
         alarm = None
         if self._settings.alarms:
             fault = self.line.query(self._read_fault).reply
-            alarm = f"{fault.number:02d} {fault.text}".rstrip() if fault.number else None
+            alarm = str(fault) if fault.number else None
         elif self._settings.marker:
             text = self.line.text(self._command(self._settings.marker.encode()))
             if not text or any(isinstance(reply, State | Done) for reply in decode(text)[0]):
@@ -278,6 +273,7 @@ def _is_done(reply: object) -> bool:
 
 
 _ANSWERS_AFTER_S = 0.08  # chosen
+_DONE = b"0\r"
 _SET = re.compile(r"E((?: -?\d+\.\d)+) ([01]+)")
 _GRADIENT = re.compile(r"U (-?\d+\.\d) (-?\d+\.\d) .*")
 
@@ -317,18 +313,18 @@ class Simulated(SimulatedInstrument):
         if command == "I":
             actual_degC = round(self.air_degC(), 1) + 0.0
             values = [value for nominal in self._nominal for value in (nominal, actual_degC)]
-            return encode(State(tuple(values), self._outputs))
+            return b"%s %s\r" % (_numbers(values), _bits(self._outputs))
         if command == "F":
-            return encode(self._fault)
+            return f"{self._fault}\r".encode("ascii")
         if match := _SET.fullmatch(command):
             nominal = tuple(float(number) for number in match[1].split())
             layout = (len(nominal), len(match[2])) == (len(self._nominal), len(self._outputs))
             if layout and self._settings.lowest_degC <= nominal[0] <= self._settings.highest_degC:
                 self.put(nominal, tuple(bit == "1" for bit in match[2]))
-                return encode(Done())
+                return _DONE
         if match := _GRADIENT.fullmatch(command):
             self.air.limit(self._clock.now_s(), float(match[1]), float(match[2]))
-            return encode(Done())
+            return _DONE
         return b"\r"  # malformed; the manual leaves it open: this, or silence
 
     def _respond(self, data: bytes) -> Iterator[Response]:
