@@ -87,8 +87,8 @@ PRIVATE_WORDS = {
     r"moving along": "re-optimised",
 }
 CONTRACTS = re.compile(
-    r"""["'`]+(guard|spread|unrest|voices|speaking|lag_guard)["'`]+|["'](guard|spread)\.[^"']*["']"""
-    r"""|f?["']spread\.terms[^"']*["']|guard +=|is 'guard'|key 'guard'"""
+    r"""["'`]+(guard(_above|_below)?|spread|unrest|voices|speaking|lag_guard)["'`]+|["'](guard|spread)\.[^"']*["']"""
+    r"""|f?["']spread\.terms[^"']*["']|guard(_above|_below)? +=|is 'guard'|key 'guard'"""
     r"""|"told" if name|ambientd tell|["']tell["']|STATE\.tell|\.tell["']"""
 )
 """Keys of files and names of commands, which stay: the model's ``guard`` and ``spread``, ``ambientd tell``."""
