@@ -8,13 +8,16 @@ except ImportError:
     from json.encoder import encode_basestring_ascii as quoted
 
 __all__ = ["json_text", "quoted"]
+_NUMBERS = frozenset((float, int))
 
 
 def json_text(value: Any) -> str:
     """``value`` (mappings, lists, tuples, texts, finite numbers, truth values, None) as ``json.dumps`` writes it."""
-    if type(value) is float:  # most are, and lists of them: the others come after
+    if type(value) is float:
         return repr(value)
     if isinstance(value, (list, tuple)):
+        if _NUMBERS.issuperset(map(type, value)):
+            return repr([*value])
         return f"[{', '.join([json_text(each) for each in value])}]"
     if value is None:
         return "null"
