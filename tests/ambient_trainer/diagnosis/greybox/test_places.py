@@ -89,23 +89,17 @@ def test_a_cooler_in_the_log_shows_itself_beside_heat_that_is_not(pair, seed):
     assert any(both <= found(each) for each in (seed, seed + 1)), seed
 
 
-def for_a_while(draw, onset_s, end_s, warmer_K):
-    """Two bodies whose loss is bent, near a window: the sun warms each by as much, or the room both by 6 degC."""
-    off_K, open_s = np.zeros((len(TIME_S), 2)), (onset_s <= TIME_S) & (end_s > TIME_S)
-    lag_s = draw.uniform(200, 600, 2)
-    for k in range(1, len(TIME_S)):
-        apart = open_s[k] * np.array(warmer_K) - off_K[k - 1]
-        off_K[k] = off_K[k - 1] + 30.0 / lag_s * apart * (np.abs(apart) / 5 + 0.1) ** 0.1
-    read = 21 + off_K + draw.normal(0, 0.05, off_K.shape)
-    columns = {"fast_degC": read[:, 0], "slow_degC": read[:, 1], "ambient_degC": np.full(len(TIME_S), 21.0)}
-    return Trace("window", TIME_S, columns)
-
-
 @pytest.mark.parametrize(("warmer_K", "named"), [((9.0, 3.0), "heat_source"), ((6.0, 6.0), "unknown")])
 def test_the_sun_for_a_while_is_on_both_and_a_warmer_room_may_be(pair, seed, warmer_K, named):
-    draw = np.random.default_rng(seed)
-    onset_s, end_s = draw.uniform(6e3, 12e3), draw.uniform(18e3, 26e3)
-    first = diagnose(pair, [for_a_while(draw, onset_s, end_s, warmer_K)]).verdict
+    """Two bodies whose loss is bent, near a window: the sun warms each by as much, or the room both."""
+    draw, off_K = np.random.default_rng(seed), np.zeros((len(TIME_S), 2))
+    onset_s, end_s, lag_s = draw.uniform(6e3, 12e3), draw.uniform(18e3, 26e3), draw.uniform(200, 600, 2)
+    for k in range(1, len(TIME_S)):
+        apart = (onset_s <= TIME_S[k] < end_s) * np.array(warmer_K) - off_K[k - 1]
+        off_K[k] = off_K[k - 1] + 30.0 / lag_s * apart * (np.abs(apart) / 5 + 0.1) ** 0.1
+    fast, slow = 21 + off_K.T + draw.normal(0, 0.05, off_K.T.shape)
+    columns = {"fast_degC": fast, "slow_degC": slow, "ambient_degC": np.full(len(TIME_S), 21.0)}
+    first = diagnose(pair, [Trace("window", TIME_S, columns)]).verdict
     assert first.cause.name == named, seed
     if named == "heat_source":
         assert first.cause.location == ("fast", "slow"), seed

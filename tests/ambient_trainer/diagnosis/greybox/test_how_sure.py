@@ -1,19 +1,23 @@
-"""Where much is left that a black box explains, what was found is named, but as less sure; where most is, it is not."""
+"""How sure a finding is: less where much is left that a black box explains, and what later ones make needless goes."""
 
 import importlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ambient_trainer.diagnosis.diagnose import diagnose
+from ambient_trainer.diagnosis.findings import steps_of
 from ambient_trainer.diagnosis.greybox.choice import Step
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
-from ambient_trainer.diagnosis.greybox.stepwise import Selection, bare_fit
+from ambient_trainer.diagnosis.greybox.stepwise import Selection, bare_fit, beside, pruned
 from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.result import UNKNOWN
+
+from .conftest import heat
 
 module = importlib.import_module("ambient_trainer.diagnosis.diagnose")  # its name is a function's, too
 
@@ -64,3 +68,41 @@ def test_no_instrument_is_blamed_for_it(circuit, simulated, recorded, instrument
     floor_degC = before - (before - after) / 0.8
     found = module._diagnosis(circuit, [trace], Selection(bare, taken.fitted, (step,), step), floor_degC, ())
     assert (found.verdict_cause.name == UNKNOWN) is instrument
+
+
+@pytest.fixture(scope="module")
+def fits(circuit, simulated, recorded):
+    """The board in the sun, whose light also falls on a panel that does no more than follow it: the bare circuit, with
+    heat by the panel, and with both, where the first gains what no step has to."""
+    trace = simulated(5, heat_W=lambda now, degC: 0.004 * now["sun_W_m2"] + 0.005 * now["current_A"])
+    panel = trace.columns["sun_W_m2"] * (1 + 0.1 * trace.columns["humidity_frac"]) + 120 * trace.columns["current_A"]
+    records = recorded(replace(trace, columns={**trace.columns, "panel_W": panel}))
+    bare = bare_fit(GreyBox.of(circuit), records)
+    first = fit(bare.model.with_mechanism(heat("panel_W", 0.003)), records, prior=bare.prior).refitted()
+    both = fit(first.model.with_mechanism(heat("sun_W_m2", 0.003)), records, prior=bare.prior).refitted()
+    return bare, first, both
+
+
+def test_what_gains_less_than_a_step_has_to_goes(fits):
+    _, _, both = fits
+    lost = np.log(beside(both, both.model.without(0)).held_out_rmse_degC / both.held_out_rmse_degC)
+    assert 0.025 < lost < 0.085
+    assert [each.driver.text for each in pruned(both, 0).model.mechanisms] == ["sun_W_m2"]
+
+
+def test_it_is_not_sure_though_it_gained_much_when_it_was_taken(fits):
+    bare, first, both = fits
+    taken = [Trial.of(bare, first), Trial.of(first, both)]
+    steps = (Step(bare, taken[0], (taken[0],), 1), Step(first, taken[1], (taken[1],), 1))
+    panel, sun = steps_of(Selection(bare, both, steps, steps[0]), 0)
+    assert taken[0].rmse_degC < 0.5 * bare.held_out_rmse_degC
+    assert panel.confidence < 0.5 < sun.confidence
+
+
+def test_heat_that_wanders_is_surely_no_heat_for_a_while(circuit, simulated, seed):
+    """Two levels always do better than one on a random walk."""
+    walk = np.cumsum(np.random.default_rng(seed).standard_normal(1200))
+    heat_W = 0.3 * walk / np.std(walk)
+    trace = simulated(seed, heat_W=lambda now, degC: np.interp(now["time_s"], 30.0 * np.arange(1200), heat_W))
+    windows = [each for each in diagnose(circuit, [trace]).steps if (each.onset_s, each.end_s) != (None, None)]
+    assert all(each.confidence < 0.61 for each in windows if each.cause.signal is None), seed
