@@ -26,6 +26,8 @@ from ambient_model.tracking import Estimate
 new = tuple.__new__  # a named tuple's own costs a call more
 def update(time_s, readings, main=main, observer=observer, secondary=secondary, validation=validation):  # as locals
 """
+_SIDES = {"guard": "difference", "guard_above": "max(difference, 0.0)", "guard_below": "min(difference, 0.0)"}
+"""What a term takes of the difference, as :mod:`ambient_model.error_variance` does."""
 
 
 def compiled(model: Model, discrete: Discrete, level: int) -> CodeType:
@@ -117,9 +119,6 @@ def _secondary(model: Model, period_s: float, u: list[str], p: list[str]) -> lis
         "    if weight > 0:",
         f"        status = {DEGRADED!r}",
     ]
-
-
-_SIDES = {"guard": "difference", "guard_above": "max(difference, 0.0)", "guard_below": "min(difference, 0.0)"}
 
 
 def _sigma(model: ErrorVariance, period_s: float, level: int, has_secondary: bool) -> list[str]:

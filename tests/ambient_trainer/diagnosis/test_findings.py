@@ -112,22 +112,21 @@ def test_what_a_window_that_stands_for_the_heater_has_beaten_is_no_rival_of_the_
     off = replace(chosen, mechanism=Bias(("lid",), (Number("bias_lid", "degC", 1.0),), **there), rmse_degC=0.3)
 
     def beside(when: dict[str, int]) -> float:
-        window = replace(heat(None, board=(1, 1)), **when)
-        return sure(chosen, replace(chosen, mechanism=window, rmse_degC=0.1), off)
+        return sure(chosen, replace(chosen, mechanism=replace(heat(None, board=(1, 1)), **when), rmse_degC=0.1), off)
 
     assert beside(there) > 0.9
     assert beside(apart) < 0.1
 
 
 def test_the_rest_of_what_is_there_is_no_rival():
-    """Heat at the second place by a driver of heat at the first, where the final model holds it at both."""
+    """Heat at the second place by a driver of heat at the first, if the final model holds it at both."""
     records = logged(one_frac=np.random.default_rng(1).random(200), other_frac=np.random.default_rng(2).random(200))
     chosen, first = tried(heat("other_frac", lid=(1, 1)), records), heat("one_frac", board=(1, 1))
     rest = tried(heat("one_frac", lid=(1, 1)), records, 0.45)
     before = SimpleNamespace(held_out_rmse_degC=2.0, model=SimpleNamespace(mechanisms=[first]))
-    final = SimpleNamespace(mechanisms=[chosen.mechanism, heat("one_frac", board=(1, 1), lid=(1, 1))])
-    step = Step(before, chosen, (rest, chosen), 1)
-    assert _confidence(step, chosen, SimpleNamespace(model=final, records=records)) > 0.9
+    for held, told in ((heat("one_frac", board=(1, 1), lid=(1, 1)), True), (first, False)):
+        final = SimpleNamespace(model=SimpleNamespace(mechanisms=[chosen.mechanism, held]), records=records)
+        assert (_confidence(Step(before, chosen, (rest, chosen), 1), chosen, final) > 0.9) == told
 
 
 BODY = Number("G_board_mass", "W/K", 1.0, log=True), Number("lag_board_mass", "s", 9.0, log=True)

@@ -75,6 +75,8 @@ def test_heat_that_drives_the_estimators_apart_to_one_side_has_an_interval_of_it
     reach = model.quantiles[90][1] * sigma_degC(model, estimate, apart, PERIOD_S)
     for side in (apart > 0, apart < 0):
         assert 0.85 < np.mean(np.abs(reference - estimate)[side] <= reach[side]) < 0.97
+    below = fit_error_variance([Moment(estimate, reference, np.minimum(apart, 0.0))], PERIOD_S, terms).terms
+    assert [each.weight for each in below] == [below[1].weight] * 2, "the side that is unseen is as unsure"
 
 
 def segment(count, period_s=1.0):

@@ -138,5 +138,6 @@ def _written(frame: pd.DataFrame, by: str, folder: str) -> str:
     os.makedirs(folder, exist_ok=True)
     path = os.path.join(folder, _LOGS)
     whole = frame.reset_index() if frame.index.name == "time_s" else frame
-    whole.sort_values(by, kind="stable").to_parquet(path, index=False, row_group_size=_ROWS)
+    named = whole.dropna(subset=[by]).sort_values(by, key=lambda unit: unit.astype(str), kind="stable")
+    named.to_parquet(path, index=False, row_group_size=_ROWS)
     return path

@@ -318,13 +318,16 @@ def _confounded(selection: Selection) -> bool:
         return _settles_in_s(first, final) > _SLOW * longest_s
     if first.cause != "heat_source" or first.driver is not None:
         return False
-    rises_degC = np.abs(_rises_degC(first, final))
-    # for a while a room warms all that it holds alike
-    return bool(rises_degC.max() < _NO_ROOM_DEGC and (first.lasts or rises_degC.min() > _ALIKE * rises_degC.max()))
+    rises_degC = _rises_degC(first, final)
+    largest = rises_degC[np.argmax(np.abs(rises_degC))]
+    # for a while a room warms, or cools, all that it holds alike
+    return bool(
+        abs(largest) < _NO_ROOM_DEGC and (first.lasts or min(rises_degC * np.sign(largest)) > _ALIKE * abs(largest))
+    )
 
 
 def _rises_degC(heat: Mechanism, fitted: Fitted) -> Array:
-    """By how much constant heat warms each of the circuit's nodes in a steady state."""
+    """By how much constant heat warms each of the circuit's nodes in a steady state, by the losses that do not vary."""
     network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
     between, out = network.between[0], network.to_boundary[0].sum(axis=1)
     into = np.zeros(len(out))

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -43,7 +44,8 @@ _CENTRE, _SLOPE = 0.05, 8.0
 _EITHER = 0.6
 """Of the confidence in a fault that heat could be as well: readings jump where water begins to flow, too, in a measured
 heater, and in a measured box one sensor's drift and heat that creeps read the same; another box, which had come to
-rest at 30 degC, seemed to melt there. Six measured sensors seemed to lag where a logged heater's body may."""
+rest at 30 degC, seemed to melt there. Six measured sensors seemed to lag where a logged heater's body may, and five
+losses seemed to differ in the heat."""
 
 
 def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
@@ -185,7 +187,8 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math
         return _EVIDENT
     sound = [each for each in step.trials if not each.at_bounds]
     there = [chosen.mechanism, *final.model.mechanisms]
-    others = [each for each in sound if not _are_there(_everywhere(each.mechanism, step.before), there, final.records)]
+    held = partial(_held, there, step.before, final.records)
+    others = [each for each in sound if not held(each.mechanism)]
     # what stands for the cause chosen has beaten the others for it
     same = [penalised(each) for each in sound if _says_the_same(each.mechanism, chosen.mechanism, final.records)]
     best = min([penalised(chosen), *same])
@@ -255,15 +258,17 @@ def _moves(record: Record) -> bool:
     return any(np.ptp(row) > 0 for row in inputs)
 
 
-def _everywhere(mechanism: Mechanism, before: Fitted) -> Mechanism:
-    """It at the places, too, where the same was there before."""
-    cause, places, driver = mechanism.key
-    same = [each.places for each in before.model.mechanisms if (each.cause, each.key[2]) == (cause, driver)]
-    return replace(mechanism, places=tuple(dict.fromkeys(chain(places, *same))))
-
-
-def _are_there(mechanism: Mechanism, there: Sequence[Mechanism], records: Sequence[Record]) -> bool:
-    return any(_says_the_same(mechanism, each, records) for each in there)
+def _held(there: Sequence[Mechanism], before: Fitted, records: Sequence[Record], other: Mechanism) -> bool:
+    """Whether another mechanism says the same as one that is there: by itself, or as the rest of it, where the same by
+    the same driver was at its other places before."""
+    cause, places, driver = other.key
+    same = [each.places for each in before.model.mechanisms if driver and (each.cause, each.key[2]) == (cause, driver)]
+    whole = replace(other, places=tuple(dict.fromkeys(chain(places, *same))))
+    return any(
+        _says_the_same(other, each, records)
+        or (set(places) <= set(each.places) and _says_the_same(whole, each, records))
+        for each in there
+    )
 
 
 def _says_the_same(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:

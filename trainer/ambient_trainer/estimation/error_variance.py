@@ -51,8 +51,8 @@ def fit_error_variance(moments: Sequence[Moment], period_s: float, terms: Sequen
     weights = student_weights(errors[known], table, counts)
     off = np.abs(errors[known]) / np.sqrt(weights @ table)
     order = np.argsort(off)
-    below = np.cumsum(counts[order]) / counts.sum()
-    reaches = np.interp(np.array(LEVELS_PERCENT) / 100, below, off[order]).tolist()
+    shares = np.cumsum(counts[order]) / counts.sum()
+    reaches = np.interp(np.array(LEVELS_PERCENT) / 100, shares, off[order]).tolist()
     kept = tuple(term._replace(weight=weight) for term, weight in zip(terms, weights[1:].tolist()) if weight > 0)
     return ErrorVariance(float(weights[0]), kept, {level: (-x, x) for level, x in zip(LEVELS_PERCENT, reaches)})
 
@@ -88,7 +88,7 @@ def student_weights(errors: Array, table: Array, counts: Array) -> Array:
     """
     shares = counts / counts.sum()
     size = table @ shares
-    size[size == 0] = 1.0
+    unseen, size = size == 0, np.where(size == 0, 1.0, size)
     scaled, whole = table / size[:, None], float(errors**2 @ shares)
 
     def negative_likelihood(logs: Array) -> tuple[float, Array]:
@@ -99,10 +99,10 @@ def student_weights(errors: Array, table: Array, counts: Array) -> Array:
         value = (np.log(variance) + (_FREEDOM + 1) * np.log1p(ratio)) @ shares
         return float(value), scaled @ (slope * shares) * weights
 
-    low, high = np.log(whole * _LEAST), np.log(whole * 10)
-    start, bounds = np.full(len(table), np.log(whole / len(table))), [(low, high)] * len(table)
+    start, bounds = np.full(len(table), np.log(whole / len(table))), [np.log([whole * _LEAST, whole * 10])] * len(table)
     likeliest = np.exp(minimize(negative_likelihood, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
     # without a constant, an estimate that does not change would be called exact
     weights = np.where(likeliest > 100 * _LEAST * whole, likeliest, 0.0) / size
     weights[0] = max(weights[0], whole * _LEAST)
+    weights[unseen] = weights[1:][~unseen[1:]].max(initial=0.0)  # a side on which the estimates never were is no better
     return np.asarray(weights)

@@ -111,7 +111,8 @@ def evaluate_trace(model: Model, trace: Trace, from_s: float | None = None) -> E
         there = ", ".join(trace.columns) or "none"
         hint = f"it has {there}; log what the model reads and the reference, or map it on import"
         raise refuse(trace.path, "line 1", f"no column {', '.join(missing)}", hint)
-    trace_period_s = sampling_period_s(trace.time_s)
+    whole, trace = trace, trace.cut(from_s, None)
+    trace_period_s = sampling_period_s(whole.time_s)
     discrete = nearest_discrete(model.main, trace_period_s)
     if trace_period_s > bridge_limit_s(discrete.period_s):
         problem = (
@@ -119,8 +120,7 @@ def evaluate_trace(model: Model, trace: Trace, from_s: float | None = None) -> E
             f"{bridge_limit_s(discrete.period_s):g} s"
         )
         raise refuse(trace.path, "", problem, "log more often, or fit the model to a trace with this period")
-    estimates, sigma_degC = _tracked(model, discrete, trace)
-    trace = trace.cut(from_s, None)
+    estimates, sigma_degC = _tracked(model, discrete, whole)
     estimates, sigma_degC = estimates[-len(trace.time_s) :], sigma_degC[-len(trace.time_s) :]
     estimate, low, high, used = (  # None becomes NaN
         np.array([getattr(each, name) for each in estimates], dtype=np.float64)

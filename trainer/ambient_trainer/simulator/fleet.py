@@ -120,7 +120,8 @@ def _scatter(deviation: float, random: np.random.Generator) -> float:
 def unit_run(
     unit: Unit, cased: bool, scenario: str, seed: int, run: Run, period_s: float, acting: Sequence[Acting] = ()
 ) -> Planned:
-    """A unit in a run of a scenario, in its case since ever or bare, with what is hidden in it besides."""
+    """A unit in a run of a scenario, in its case since ever or bare, with what is hidden in it besides; ``seed`` is of
+    weather and noise."""
     setting, random = setting_of(run, period_s), partial(stream, seed, "case")
     case = [setting.with_hidden(each, random) for each in unit.case * cased]
     return Planned(scenario, seed, run, unit.zones, (*acting, *case), gains=unit.gains)
