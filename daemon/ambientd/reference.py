@@ -167,7 +167,8 @@ class OffsetLearner:
         if self._validation is None:
             return 0.0
         changes = [now - each for now, each in zip(self._taken_off, sensors.degC)]
-        return sum([gain * change for gain, change in zip(self._validation.gains, changes)])
+        ahead_degC: float = sum([gain * change for gain, change in zip(self._validation.gains, changes)])
+        return ahead_degC
 
     def _seen(self) -> SensorOffsets:
         """Sensors' errors after another look at the differences, where there are any to be had."""
