@@ -525,7 +525,7 @@ class _Reading:
         if model.secondary is None:
             for index, term in enumerate(model.error_variance.terms if model.error_variance else ()):
                 if term.of != "movement":
-                    self.fault(f"spread.terms[{index}].of", f"is '{term.of}', and there is none", "add the key 'guard'")
+                    self.fault(f"spread.terms[{index}].of", f"is '{term.of}' without a 'guard'", "add the key 'guard'")
             return
         if model.secondary.estimator.inputs != main.inputs:
             self.fault(

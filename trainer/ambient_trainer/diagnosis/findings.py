@@ -163,11 +163,9 @@ def _gain(step: Chosen, trial: Trial) -> Gain:
 
 
 def _squares(fitted: Fitted, by_block: bool) -> Array:
-    """The mean square of each block of time, or of each fold of short stretches."""
-    if not by_block:
-        return np.array([np.mean(left**2) for left in fitted.by_comb.left])
-    residual, block = fitted.residual, fitted.block
-    return np.array([np.mean(residual[block == each] ** 2) for each in np.unique(block)])
+    """The mean square of each block of time, or of each short stretch."""
+    residual, part = fitted.residual, fitted.block if by_block else fitted.stretch
+    return np.array([np.mean(residual[part == each] ** 2) for each in np.unique(part)])
 
 
 def _rival(trial: Trial, chosen: Trial) -> bool:

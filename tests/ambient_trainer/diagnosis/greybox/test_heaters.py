@@ -1,10 +1,11 @@
-"""Two heaters that go up together: each heats its own place, unless the readings of both follow one of them."""
+"""Heaters of two bodies: each at its own place, unless both follow one of them, or one body warms the other."""
 
 import numpy as np
 import pytest
 
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.data.trace import Trace
+from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.choice import Limits, Step, choose
 from ambient_trainer.diagnosis.greybox.mechanisms import heat
@@ -53,3 +54,30 @@ def test_each_of_two_heaters_is_told_from_one_of_both(into):
     own = [each.chosen.mechanism.key[1:] for each in each_its_own(Step(bare, chosen, tuple(trials), 1), Limits())]
     expected = [(("fast",), "one_frac"), (("slow",), "other_frac")] if into == ("one", "other") else []
     assert sorted(own) == expected, (seed, own)
+
+
+def conducted(seed: int) -> Trace:
+    """Two bodies in a room, the fast one heated; what joins them conducts better when it is warm."""
+    draw, degC, rows = np.random.default_rng(seed), np.full(2, 25.0), []
+    shares, between_W_K = draw.uniform(0, 1, 20).repeat(SAMPLES // 20), draw.uniform(0.2, 0.4)
+    for share in shares:
+        rows.append(degC)
+        for _ in range(SUBSTEPS):
+            flow_W = between_W_K * (1 + 0.002 * degC.mean()) * (degC[0] - degC[1])
+            into_W = np.array([50.0 * share - flow_W, flow_W]) - np.array([0.2, 0.4]) * (degC - 25.0)
+            degC = degC + PERIOD_S / SUBSTEPS * into_W / np.array([25.0, 100.0])
+    read = np.array(rows).T + draw.normal(0, 0.2, (2, SAMPLES))
+    columns = {
+        "fast_degC": read[0],
+        "slow_degC": read[1],
+        "heater_frac": shares,
+        "ambient_degC": np.full(SAMPLES, 25.0),
+    }
+    return Trace("heated", PERIOD_S * np.arange(SAMPLES), columns)
+
+
+def test_what_is_warmed_by_another_body_has_no_heater_of_its_own(seed):
+    steps = diagnose(forward(parse_circuit(PAIR, "pair")), [conducted(seed)]).steps[:2]
+    found = {(each.cause.name, each.cause.location, each.cause.signal) for each in steps}
+    assert found == {("heat_source", "fast", "heater_frac"), ("path", "fast-slow", None)}, seed
+    assert min(each.confidence for each in steps) > 0.5, seed

@@ -35,7 +35,7 @@ def eliminated(bare: Fitted) -> Fitted | None:
     scene, given, found = Scene(bare), len(bare.model.mechanisms), []
     samples = sum(record.samples for record in bare.records)
     for bodies in ([], *([each] for each in _bodies(scene))):
-        everything = [*bodies, *_heats(scene), *_paths(scene)]
+        everything = [*bodies, *_heats(scene), *path.distinct(scene)]
         model = bare.model
         for each in everything:
             model = model.with_mechanism(each.started([_STARTED] * len(each.probes())) or each)
@@ -115,10 +115,6 @@ def _heats(scene: Scene) -> Iterator[Mechanism]:
         heats = not text or text.endswith(_HEATING)
         if each.places == tuple(scene.nodes) and type(each) is heat.Heat and plain and heats:
             yield each
-
-
-def _paths(scene: Scene) -> Sequence[Mechanism]:
-    return list({each.key: each for each in path.candidates(scene)}.values())
 
 
 def _bodies(scene: Scene) -> Sequence[Mechanism]:

@@ -22,7 +22,7 @@ from ambient_trainer.diagnosis.record import Record
 BLOCKS, FOLDS = 15, 5
 LEFT_OUT, EACH = ((1, 1), (2, 2), (3, 3), (3, 4), (4, 4)), tuple((each, each) for each in range(5))
 """Blocks show the scatter; folds of several are left out together, so that their ends are foretold, not bridged."""
-_REFIT, _TEETH = 6, 60
+_REFIT, _STRETCHES = 6, 60
 _MOST_MOVE = 1.5
 """Of a coordinate, when a fold is left out: further away the straight line is none."""
 _STEP, _TINY = 1e-4, 1e-100
@@ -123,6 +123,11 @@ class Fitted:
         """The fold of every reading, (M,)."""
         return np.asarray(self.block * FOLDS // BLOCKS)
 
+    @cached_property
+    def stretch(self) -> Array:
+        """The short stretch of its record of every reading, (M,)."""
+        return np.concatenate([_stretches(record) for record in self.records])
+
     @property
     def at_bounds(self) -> set[int]:
         """Which numbers of mechanisms, by their place among all, stand at a physical bound."""
@@ -142,7 +147,7 @@ class Fitted:
     @property
     def by_comb(self) -> Parts:
         """The readings of many short stretches by turns: what acts for a while is seen on both sides of each."""
-        return Parts.of(self.slopes, self.residual, np.concatenate([_comb(record) for record in self.records]))
+        return Parts.of(self.slopes, self.residual, self.stretch % FOLDS)
 
     @cached_property
     def held_out(self) -> Array:
@@ -290,9 +295,9 @@ def _left_out(fitted: Fitted, record: Record, run: Run, without: Record) -> floa
         return float(left @ left)
 
 
-def _comb(record: Record) -> Array:
-    """A fold of each valid reading, by turns along the record."""
-    index = np.arange(record.samples) * _TEETH // record.samples % FOLDS
+def _stretches(record: Record) -> Array:
+    """The stretch of each valid reading."""
+    index = np.arange(record.samples) * _STRETCHES // record.samples
     return np.asarray(np.broadcast_to(index, record.sensors.shape)[np.isfinite(record.sensors)])
 
 

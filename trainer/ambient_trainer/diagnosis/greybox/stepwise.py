@@ -11,6 +11,7 @@ import numpy as np
 from ambient_model.faults import refuse
 from ambient_trainer.diagnosis.greybox.backward import steps_to
 from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, UNLIMITED, Limits, Step, choose
+from ambient_trainer.diagnosis.greybox.conducted import conducted
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.pairs import ABOVE_FLOOR, Progress, beside_second, each_its_own, pair
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit
@@ -85,8 +86,9 @@ def _forward(
         points = [fitted] if steps else [fitted, *beside]
         step = _next(points, limits, offered, partial(_numbered, said, len(steps) + 1))
         compared = compared or step
-        pairs = [each_its_own(step, limits)]
-        if beside and (not steps or _stuck(step, limits)):
+        pairs = [each_its_own(step, limits), conducted(step)]
+        # what goes with heat at several places says nothing where that is at one of them
+        if not pairs[-1] and beside and (not steps or _stuck(step, limits)):
             pairs.append(pair(step, points[1:], limits, offered, partial(_numbered, said, len(steps) + 1)))
         found = [(each[-1].chosen.rmse_degC, each) for each in pairs if each and each[-1].chosen]
         steps += min(found, key=itemgetter(0))[1] if found else [_compact(step) if steps else step]

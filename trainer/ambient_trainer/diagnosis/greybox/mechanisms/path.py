@@ -48,7 +48,7 @@ class Path(Joined):
         return f"conductance between {self.ends[0]} and {self.ends[1]}"
 
 
-def candidates(scene: Scene) -> Iterator[Mechanism]:
+def candidates(scene: Scene) -> Iterator[Path]:
     """Every pair of nodes that is not joined, and every node with every other logged temperature."""
     for index, one in enumerate(scene.nodes):
         for other in [*scene.nodes[index + 1 :], *scene.other_temperatures]:
@@ -57,6 +57,11 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
                 logged = (f"{other}_degC",) if other in scene.other_temperatures else ()
                 for probe in _PROBES:
                     yield Path((f"{one}-{other}",), (conductance,), ends=(one, other), logged=logged, probe=probe)
+
+
+def distinct(scene: Scene) -> list[Path]:
+    """Each once."""
+    return list({each.key: each for each in candidates(scene)}.values())
 
 
 def begun(scene: Scene) -> Iterator[Mechanism]:

@@ -1,0 +1,131 @@
+"""Heat by one driver that seems to be at several places: at one of them, and conducted to the others by paths.
+
+The paths make a tree. It grows by the one that leaves least; then each is exchanged while that leaves less: of places
+in a row the outer ones may have been joined first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from scipy.sparse.csgraph import connected_components
+
+from ambient_trainer.diagnosis.greybox.backward import score, steps_to
+from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step
+from ambient_trainer.diagnosis.greybox.mechanisms import path
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
+from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
+from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, complexity, identified, penalised
+from ambient_trainer.diagnosis.record import Record
+
+_MOST_PLACES, _ORIGINS = 6, 2
+"""With more the exchanges take long; and places from which trees grow, those that explain most alone."""
+_FEW, _MANY = 10, 30
+"""Steps of a fit, and of the last one."""
+_LESS = 0.99
+"""Of the error in sample: what an exchange leaves at most."""
+
+
+def conducted(step: Step) -> list[Step]:
+    """Heat at one place and each path from there, as steps, where that does better than heat at several; else none."""
+    if step.chosen is None or not _spread(step.chosen.mechanism):
+        return []
+    heat, before = step.chosen.mechanism, step.before
+    paths = [each for each in path.distinct(Scene(before)) if set(each.ends) <= set(heat.places)]
+    given = len(before.model.mechanisms)
+    heated = (_beside(before, before.model, heat.at_places([index])) for index in range(len(heat.places)))
+    likely = sorted((each for each in heated if each is not None), key=_left)[:_ORIGINS]
+    grown = [_grown(each, paths) for each in likely]
+    trees = [_ended(each) for each in grown if each is not None and len(each.model.mechanisms) > given + 1]
+    if not trees:
+        return []
+    tree = _ended(_exchanged(min(trees, key=_left), given + 1, paths)).refitted()
+    added = range(given, len(tree.model.mechanisms))
+    sound = all(identified(tree, index) for index in added) and not tree.at_bounds - before.at_bounds
+    spread = penalised(step.chosen) + PENALTY * sum(map(complexity, before.model.mechanisms))
+    if not sound or score(tree) > spread - LEAST_GAIN:
+        return []
+    return [replace(each, trials=tuple(_rivals(each, step, paths))) for each in steps_to(before, tree, step.tried)]
+
+
+def _spread(mechanism: Mechanism) -> bool:
+    """Whether it is heat by a driver at several places, all the time."""
+    several = 1 < len(mechanism.places) <= _MOST_PLACES
+    return several and mechanism.cause == "heat_source" and mechanism.lasts and mechanism.driver is not None
+
+
+def _grown(fitted: Fitted | None, paths: Sequence[path.Path]) -> Fitted | None:
+    """With a path after the other till all that they can join is joined."""
+    while fitted is not None and (apart := list(_apart(fitted.model, fitted.records[0], paths))):
+        longer = (_beside(fitted, fitted.model, each) for each in apart)
+        fitted = min((each for each in longer if each is not None), key=_left, default=None)
+    return fitted
+
+
+def _exchanged(tree: Fitted, first: int, paths: Sequence[path.Path]) -> Fitted:
+    """With another path in the place of one, of those from ``first`` on, where less is left, till none does better."""
+    for index in range(first, len(tree.model.mechanisms)):
+        other = min(_instead(tree, index, paths), key=_left, default=tree)
+        if _left(other) < _LESS * _left(tree):
+            return _exchanged(other, first, paths)
+    return tree
+
+
+def _instead(tree: Fitted, index: int, paths: Sequence[path.Path]) -> Iterator[Fitted]:
+    """With each other path in the place of one."""
+    without = tree.model.without(index)
+    apart = _apart(without, tree.records[0], paths)
+    others = (each for each in apart if each.key != tree.model.mechanisms[index].key)
+    yield from (fitted for each in others if (fitted := _beside(tree, without, each)) is not None)
+
+
+def _rivals(found: Step, step: Step, paths: Sequence[path.Path]) -> Iterator[Trial]:
+    """What else does: heat at several places, or other paths beside all others; heat at other places beside those, and
+    by other drivers, which paths would help as much."""
+    assert found.chosen is not None
+    assert step.chosen is not None
+    tree, mechanism = found.chosen.fitted, found.chosen.mechanism
+    index = len(tree.model.mechanisms) - 1
+    if mechanism.cause == path.Path.cause:
+        others = list(_instead(tree, index, paths))
+        yield step.chosen
+    else:
+        heat = step.chosen.mechanism
+        elsewhere = [heat.at_places([each]) for each, place in enumerate(heat.places) if (place,) != mechanism.places]
+        fitted = (_beside(tree, tree.model.without(index), each) for each in elsewhere)
+        others = [each for each in fitted if each is not None]
+        gain = found.chosen.rmse_degC / step.chosen.rmse_degC
+        same = (heat.key[2], mechanism.cause)
+        for each in step.trials:
+            alike = (each.mechanism.key[2], each.mechanism.cause) == same
+            yield each if alike else replace(each, rmse_degC=gain * each.rmse_degC)
+    yield from (Trial.of(found.before, each.refitted()) for each in others)
+
+
+def _apart(model: GreyBox, record: Record, paths: Sequence[path.Path]) -> Iterator[path.Path]:
+    """The paths that join what is not joined otherwise."""
+    network = model.network(record, model.z()[None])
+    _, part = connected_components(network.between[0] > 0, directed=False)
+    for each in paths:
+        one, other = (part[network.index(end)] for end in each.ends)
+        if one != other:
+            yield each
+
+
+def _beside(near: Fitted, model: GreyBox, mechanism: Mechanism) -> Fitted | None:
+    return _fit(near, model.with_mechanism(mechanism), _FEW)
+
+
+def _ended(tree: Fitted) -> Fitted:
+    return _fit(tree, tree.model, _MANY) or tree
+
+
+def _fit(near: Fitted, model: GreyBox, most: int) -> Fitted | None:
+    starts = [run.start for run in near.runs]
+    return fit(model, near.records, starts, most=most, tolerance=1e-3, prior=near.prior)
+
+
+def _left(fitted: Fitted) -> float:
+    return fitted.rmse_degC
