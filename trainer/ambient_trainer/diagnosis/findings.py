@@ -25,6 +25,7 @@ from ambient_trainer.diagnosis.greybox.choice import (
 from ambient_trainer.diagnosis.greybox.choice import Step as Chosen
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted
+from ambient_trainer.diagnosis.greybox.revision import same
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.stepwise import Selection, beside
 from ambient_trainer.diagnosis.greybox.trials import Trial, penalised
@@ -56,10 +57,10 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
     held = list(range(len(selection.bare.model.mechanisms), len(final.model.mechanisms)))
     for step in selection.steps:
         chosen = step.chosen
-        same = [each for each in held if chosen and _is(final.model.mechanisms[each], chosen.mechanism)]
-        if chosen is None or not same:
+        found = [each for each in held if chosen and same(final.model.mechanisms[each], chosen.mechanism)]
+        if chosen is None or not found:
             continue
-        index = same[0]
+        index = found[0]
         held.remove(index)
         mechanism = final.model.mechanisms[index]
         gain = _gain(step, chosen)
@@ -89,18 +90,12 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
 def held_at_the_end(step: Chosen, selection: Selection) -> list[Mechanism]:
     """The mechanisms of the final model that a step has chosen."""
     added = selection.final.model.mechanisms[len(selection.bare.model.mechanisms) :]
-    return [] if step.chosen is None else [each for each in added if _is(each, step.chosen.mechanism)]
+    return [] if step.chosen is None else [each for each in added if same(each, step.chosen.mechanism)]
 
 
 def left_degC(fitted: Fitted) -> Array:
     """Measured minus simulated of all records, (s, samples); NaN where nothing was measured."""
     return np.concatenate([fitted.residual_degC(index) for index in range(len(fitted.records))], axis=1)
-
-
-def _is(final: Mechanism, chosen: Mechanism) -> bool:
-    """Whether a mechanism is one that was chosen, perhaps without places that were dropped since."""
-    forms = [None if each.driver is None else each.driver.form for each in (final, chosen)]
-    return final.cause == chosen.cause and forms[0] == forms[1] and set(final.places) <= set(chosen.places)
 
 
 def cause_of(mechanism: Mechanism, circuit: Circuit) -> Cause:

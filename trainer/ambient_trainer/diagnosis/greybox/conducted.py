@@ -30,7 +30,7 @@ _LESS = 0.99
 
 def conducted(step: Step) -> list[Step]:
     """Heat at one place and each path from there, as steps, where that does better than heat at several; else none."""
-    if step.chosen is None or not _spread(step.chosen.mechanism):
+    if step.chosen is None or not _at_several(step.chosen.mechanism):
         return []
     heat, before = step.chosen.mechanism, step.before
     paths = [each for each in path.distinct(Scene(before)) if set(each.ends) <= set(heat.places)]
@@ -44,13 +44,13 @@ def conducted(step: Step) -> list[Step]:
     tree = _ended(_exchanged(min(trees, key=_left), given + 1, paths)).refitted()
     added = range(given, len(tree.model.mechanisms))
     sound = all(identified(tree, index) for index in added) and not tree.at_bounds - before.at_bounds
-    spread = penalised(step.chosen) + PENALTY * sum(map(complexity, before.model.mechanisms))
-    if not sound or score(tree) > spread - LEAST_GAIN:
+    several = penalised(step.chosen) + PENALTY * sum(map(complexity, before.model.mechanisms))
+    if not sound or score(tree) > several - LEAST_GAIN:
         return []
     return [replace(each, trials=tuple(_rivals(each, step, paths))) for each in steps_to(before, tree, step.tried)]
 
 
-def _spread(mechanism: Mechanism) -> bool:
+def _at_several(mechanism: Mechanism) -> bool:
     """Whether it is heat by a driver at several places, all the time."""
     several = 1 < len(mechanism.places) <= _MOST_PLACES
     return several and mechanism.cause == "heat_source" and mechanism.lasts and mechanism.driver is not None

@@ -15,6 +15,7 @@ from ambient_trainer.diagnosis.greybox.conducted import conducted
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.pairs import ABOVE_FLOOR, Progress, beside_second, each_its_own, pair
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit
+from ambient_trainer.diagnosis.greybox.revision import revised
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import (
     Offered,
@@ -98,10 +99,15 @@ def _forward(
             fitted = pruned(last.fitted, given)
             continue
         coarse_degC, fitted = fitted.held_out_rmse_degC, _retuned(fitted, given)
-        if not fitted.held_out_rmse_degC < np.exp(-LEAST_GAIN) * coarse_degC:
+        finer = fitted.held_out_rmse_degC < np.exp(-LEAST_GAIN) * coarse_degC
+        again = revised(steps[:-1], fitted, given)
+        if again is not None:
+            steps, fitted = again
+        elif finer:
+            # a delay or a level on its grid may have hidden something
+            steps.pop()
+        else:
             break
-        # a delay or a level on its grid may have hidden something
-        steps.pop()
     else:
         fitted = _retuned(fitted, given)
     return Selection(bare, fitted, tuple(_logged_first(steps)), compared or begun.compared)

@@ -49,9 +49,13 @@ class Heat(InProportion):
 
     @property
     def doubtful(self) -> bool:
-        # a heater's rate stands for heat that comes late, or for a body of its own
+        # a heater's rate stands for heat that comes late, or for a body of its own; a flow for what it brings, or for
+        # what is switched with it: a measured heat pump's compressor
         driver = self.driver
-        return driver is not None and driver.text.startswith("d(") and driver.columns[0].endswith("_frac")
+        if driver is None:
+            return False
+        rate = driver.text.startswith("d(") and driver.columns[0].endswith("_frac")
+        return rate or "flow" in driver.columns[0].split("_")
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = self.weight(record)
