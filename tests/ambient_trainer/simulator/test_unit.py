@@ -1,10 +1,12 @@
 """Units are drawn within what their tolerances say, each by its own number."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ambient_trainer.simulator.device import load_device
-from ambient_trainer.simulator.fleet import drawn, nominal
+from ambient_trainer.simulator.fleet import FleetPlan, drawn, fleet, nominal
 
 ZONES = load_device().main_zones
 MANY = 400
@@ -73,3 +75,17 @@ def test_nothing_is_beyond_what_can_be_and_a_case_is_that_of_its_layers(many):
     assert min(shares) >= 20 * (0.001 / 0.2 + 0.0002 / 0.026)
     assert max(shares) <= 20 * (0.002 / 0.2 + 0.0005 / 0.026)
     assert all(40 <= unit.case[1].size <= 64 for unit in many)
+
+
+def test_what_drives_an_effect_in_one_unit_is_logged_in_every_unit():
+    plan = FleetPlan("5", 3, period_s=20.0, minutes=60.0, hide=("heat_source:soc:1W:signal=radio_on",))
+    units = list(fleet(plan))
+    bare = list(fleet(replace(plan, hide=())))
+    assert all(set(each.trace.columns["radio_on"]) == {0.0, 1.0} for each in units)
+    changed = [
+        name
+        for name, one, other in zip((each.name for each in units), units, bare)
+        if not np.array_equal(one.trace.columns["soc_degC"], other.trace.columns["soc_degC"])
+    ]
+    assert changed == [each.name for each in units if each.truth["hidden"]]
+    assert len(changed) == 1

@@ -11,7 +11,6 @@ temperature. The same seed gives the same unit, however many others there are.
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,10 +18,10 @@ import numpy as np
 from ambient_model.faults import refuse
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.device import Device, Tolerances, Zone, load_device
-from ambient_trainer.simulator.hidden import Acting, Hidden
+from ambient_trainer.simulator.hidden import Hidden
 from ambient_trainer.simulator.run import Progress, Run, prepare, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario
-from ambient_trainer.simulator.simulate import Planned, logged, setting_of
+from ambient_trainer.simulator.simulate import Planned, logged, planned
 from ambient_trainer.simulator.text import hidden_text, parse_hidden
 
 _MOST_SHARE = 0.98
@@ -118,13 +117,17 @@ def _scatter(deviation: float, random: np.random.Generator) -> float:
 
 
 def unit_run(
-    unit: Unit, cased: bool, scenario: str, seed: int, run: Run, period_s: float, acting: Sequence[Acting] = ()
+    unit: Unit,
+    cased: bool,
+    of: tuple[str, int],
+    run: Run,
+    period_s: float,
+    hidden: Sequence[tuple[Hidden, str]] = (),
+    decoys: Sequence[str] = (),
 ) -> Planned:
-    """A unit in a run of a scenario, in its case since ever or bare, with what is hidden in it besides; ``seed`` is of
-    weather and noise."""
-    setting, random = setting_of(run, period_s), partial(stream, seed, "case")
-    case = [setting.with_hidden(each, random) for each in unit.case * cased]
-    return Planned(scenario, seed, run, unit.zones, (*acting, *case), gains=unit.gains)
+    """A unit in a run ``of`` a scenario and a seed, in its case since ever or bare, with what else is hidden in it."""
+    case = [(each, "case") for each in unit.case * cased]
+    return planned(of, run, unit.zones, period_s, [*hidden, *case], decoys, unit.gains)
 
 
 CASE_ON, CASE_OFF = "on", "off"
@@ -177,39 +180,33 @@ def fleet(plan: FleetPlan, progress: Progress | None = None) -> Iterator[FleetUn
     }
     for first in range(1, plan.count + 1, _AT_ONCE):
         numbers = range(first, min(first + _AT_ONCE, plan.count + 1))
-        runs = [_run(plan, device, scenario, number, hidden.get(number, ())) for number in numbers]
-        done = logged([run for *_, run in runs], plan.period_s)
-        for (unit, case, _), (trace, *_) in zip(runs, done):
-            yield _logged(unit, case, hidden.get(unit.number, ()), trace)
+        units = [_unit(plan, device, scenario, number, hidden) for number in numbers]
+        done = logged([run for _, run in units], plan.period_s)
+        for (truth, _), (trace, *_) in zip(units, done):
+            yield FleetUnit(truth["unit"], replace(trace, path=truth["unit"]), truth["case"], truth)
         if progress:
             progress(numbers[-1], plan.count)
 
 
-def _run(
-    plan: FleetPlan, device: Device, scenario: Scenario, number: int, hidden: Sequence[Hidden]
-) -> tuple[Unit, str, Planned]:
-    """A unit, its case, and its run."""
+def _unit(
+    plan: FleetPlan, device: Device, scenario: Scenario, number: int, all_hidden: Mapping[int, Sequence[Hidden]]
+) -> tuple[dict[str, Any], Planned]:
+    """The truth about a unit, and its run; what drives an effect in one unit is logged in all: they have one form."""
+    hidden = all_hidden.get(number, ())
+    signals = [each.signal for of_one in all_hidden.values() for each in of_one if each.signal]
     unit = drawn(number, plan.seed, device.main_zones, device)
     cased = bool(stream(plan.seed, f"unit {number} cased").uniform() < plan.cased)
     seed = _RUNS_APART * (plan.seed + 1) + 10_000_019 * plan.run + number
     run = prepare(_usage(scenario, seed, plan.minutes), seed, plan.period_s, unit.phone)
-    setting = setting_of(run, plan.period_s)
-    own = [partial(stream, seed, f"hidden {each.cause} {each.location}") for each in hidden]
-    acting = list(map(setting.with_hidden, hidden, own))
-    planned = unit_run(unit, cased, plan.scenario, seed, run, plan.period_s, acting)
-    return unit, CASE_ON if cased else CASE_OFF, planned
-
-
-def _logged(unit: Unit, case: str, hidden: Sequence[Hidden], trace: Trace) -> FleetUnit:
-    name = f"u{unit.number:05d}"
+    named = [(each, f"hidden {each.cause} {each.location}") for each in hidden]
     truth = {
-        "unit": name,
-        "case": case,
+        "unit": f"u{number:05d}",
+        "case": CASE_ON if cased else CASE_OFF,
         "offset_K": {zone.name: zone.offset_degC for zone in unit.zones},
         "gain": dict(unit.gains),
         "hidden": [{"text": hidden_text(each), "cause": each.cause, "location": each.location} for each in hidden],
     }
-    return FleetUnit(name, replace(trace, path=name), case, truth)
+    return truth, unit_run(unit, cased, (plan.scenario, seed), run, plan.period_s, named, signals)
 
 
 def _usage(scenario: Scenario, seed: int, minutes: float | None) -> Scenario:

@@ -182,27 +182,37 @@ def _logged(planned: Planned, period_s: float, driven: Driven, parts: Sequence[A
 _Key = tuple[str, int, tuple[Hidden, ...]]
 
 
-def _planned(key: _Key, period_s: float, decoys: Sequence[str], device: Device, zones: Sequence[Zone]) -> Planned:
-    scenario, seed, hidden = key
-    run = prepare(load_scenario(scenario), seed, period_s, device)
-    bare = setting_of(run, period_s)
-    windows = {each.signal: bare.lasting(each) for each in (*(Hidden("", signal=name) for name in decoys), *hidden)}
+def planned(
+    of: tuple[str, int],
+    run: Run,
+    zones: Sequence[Zone],
+    period_s: float,
+    hidden: Sequence[tuple[Hidden, str]],
+    decoys: Sequence[str] = (),
+    gains: Mapping[str, float] | None = None,
+) -> Planned:
+    """A run ``of`` a scenario and a seed; what is hidden has random numbers of its own, by the name beside it."""
+    seed = of[1]
+    time_s: Array = (np.arange(len(run.air_degC), dtype=np.float64) - run.unrecorded) * period_s
+    bare = Setting(run.device, time_s, period_s, {})
+    driving = (*(Hidden("", signal=name) for name in decoys), *(each for each, _ in hidden))
+    windows = {each.signal: bare.lasting(each) for each in driving}
     signals = {
-        name: signal(name, bare.time_s, (max(start_s, 0.0), end_s), stream(seed, f"signal {name}"))
+        name: signal(name, time_s, (max(start_s, 0.0), end_s), stream(seed, f"signal {name}"))
         for name, (start_s, end_s) in windows.items()
         if name is not None
     }
     setting = replace(bare, signals=signals)
+    acting = [setting.with_hidden(each, partial(stream, seed, name)) for each, name in hidden]
+    return Planned(*of, run, zones, acting, signals, gains or {})
+
+
+def _planned(key: _Key, period_s: float, decoys: Sequence[str], device: Device, zones: Sequence[Zone]) -> Planned:
+    scenario, seed, hidden = key
     # random numbers of each one's own, whatever its size and whatever else is hidden
-    purposes = [f"hidden {each.cause} {each.location} {each.signal} {each.onset_s:g}" for each in hidden]
-    acting = [setting.with_hidden(each, partial(stream, seed, of)) for each, of in zip(hidden, purposes)]
-    return Planned(scenario, seed, run, zones, acting, signals)
-
-
-def setting_of(run: Run, period_s: float) -> Setting:
-    """Where an effect without a signal acts."""
-    time_s: Array = (np.arange(len(run.air_degC), dtype=np.float64) - run.unrecorded) * period_s
-    return Setting(run.device, time_s, period_s, {})
+    named = [(each, f"hidden {each.cause} {each.location} {each.signal} {each.onset_s:g}") for each in hidden]
+    run = prepare(load_scenario(scenario), seed, period_s, device)
+    return planned((scenario, seed), run, zones, period_s, named, decoys)
 
 
 def _answered(key: _Key, done: Mapping[_Key, Logged], sizes: bool) -> Simulated:
