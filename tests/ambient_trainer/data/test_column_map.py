@@ -43,7 +43,7 @@ WRONG = [
     (_GOOD.replace("usb_degC", "usb"), "columns.usb", "<name>_<unit>"),
     (_GOOD.replace("usb_degC", "time_s"), "columns.time_s", "'time'"),
     (_GOOD + "constants: {usb_degC: 22}", "constants.usb_degC", "'columns'"),
-    (_GOOD + "constants: {a_W: 2e40}", "constants", "2e+40"),
+    (_GOOD + "constants: {a_W: 2e40}", "constants.a_W", "2e+40"),
     (_GOOD + "delimiter: '\"'", "delimiter", "whitespace"),
     (_GOOD + "header: false\nskip_under_header: 1", "", "'skip_under_header'"),
     (_GOOD + "drop_rows: {Status: [on]}", "drop_rows.Status[0]", "True"),

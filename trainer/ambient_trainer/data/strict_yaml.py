@@ -2,12 +2,12 @@
 
 import os
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from ambient_model.faults import Fault, Refused, refuse
@@ -34,6 +34,17 @@ class Strict(BaseModel):
 def wrong(problem: str, hint: str) -> PydanticCustomError:
     """What a validator raises: the problem, and the hint that stands behind it in the message."""
     return PydanticCustomError("wrong", "{problem}", {"problem": problem, "hint": hint})
+
+
+def holds(right: Callable[[Any], bool], problem: str, hint: str) -> AfterValidator:
+    """For a field: ``right`` is to hold for its value, which ``{}`` stands for in the problem, where it has one."""
+
+    def checked(value: Any) -> Any:
+        if value is not None and not right(value):
+            raise wrong(problem.format(value), hint)
+        return value
+
+    return AfterValidator(checked)
 
 
 def shipped_path(
@@ -118,7 +129,7 @@ def _fault(model: type[BaseModel], detail: ErrorDetails) -> Fault:
     place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".")
     kind, message = detail["type"], detail["msg"]
     if kind == "extra_forbidden":
-        known = ", ".join(_fields(_model_at(model, location[:-1])))
+        known = ", ".join(_keys_at(model, location[:-1]))
         return Fault(place, "unknown key", f"remove it or correct its name; known are {known}")
     if kind == "missing":
         return Fault(place, "missing", "add it")
@@ -130,16 +141,12 @@ def _fault(model: type[BaseModel], detail: ErrorDetails) -> Fault:
     return Fault(place, f"{shown}: {message[0].lower()}{message[1:]}", "correct it")
 
 
-def _fields(model: type[BaseModel]) -> dict[str, Any]:
-    return {field.alias or name: field.annotation for name, field in model.model_fields.items()}
-
-
-def _model_at(model: type[BaseModel], location: list[int | str]) -> type[BaseModel]:
+def _keys_at(model: type[BaseModel], location: Sequence[int | str]) -> list[str]:
+    """The keys that the part of a file at ``location`` may have."""
     for part in location:
-        inner = list(_models_in(_fields(model).get(str(part))))
-        if inner:
-            model = inner[0]
-    return model
+        fields = {field.alias or name: field.annotation for name, field in model.model_fields.items()}
+        model = next(_models_in(fields.get(str(part))), model)
+    return [field.alias or name for name, field in model.model_fields.items()]
 
 
 def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -1,64 +1,38 @@
 """Millidegrees, tenths, microamperes and Fahrenheit become the trace's own units here, once."""
 
-from typing import NamedTuple
-
 from ambient_trainer.data.trace import Array
 
-
-class Unit(NamedTuple):
-    """``base value = value * multiplier / divisor + offset``, where the base unit is the trace's."""
-
-    base: str
-    multiplier: float = 1.0
-    divisor: float = 1.0
-    offset: float = 0.0
-
-
-UNITS = {
-    "degC": Unit("degC"),
-    "ddegC": Unit("degC", divisor=10),
-    "cdegC": Unit("degC", divisor=100),
-    "mdegC": Unit("degC", divisor=1000),
-    "degF": Unit("degC", 5, 9, -160 / 9),
-    "K": Unit("degC", offset=-273.15),
-    "W": Unit("W"),
-    "mW": Unit("W", divisor=1e3),
-    "uW": Unit("W", divisor=1e6),
-    "kW": Unit("W", 1e3),
-    "A": Unit("A"),
-    "mA": Unit("A", divisor=1e3),
-    "uA": Unit("A", divisor=1e6),
-    "V": Unit("V"),
-    "mV": Unit("V", divisor=1e3),
-    "uV": Unit("V", divisor=1e6),
-    "frac": Unit("frac"),
-    "percent": Unit("frac", divisor=100),
-    "permille": Unit("frac", divisor=1000),
-    "on": Unit("on"),
-    "W_m2": Unit("W_m2"),
-    "kW_m2": Unit("W_m2", 1e3),
-    "m_s": Unit("m_s"),
-    "km_h": Unit("m_s", divisor=3.6),
-    "Hz": Unit("Hz"),
-    "kHz": Unit("Hz", 1e3),
-    "MHz": Unit("Hz", 1e6),
-    "GHz": Unit("Hz", 1e9),
+_SAME = (1, 1, 0)
+_UNITS: dict[str, dict[str, tuple[float, float, float]]] = {
+    "degC": {
+        **{"degC": _SAME, "ddegC": (1, 10, 0), "cdegC": (1, 100, 0), "mdegC": (1, 1000, 0)},
+        **{"degF": (5, 9, -160 / 9), "K": (1, 1, -273.15)},
+    },
+    "W": {"W": _SAME, "mW": (1, 1e3, 0), "uW": (1, 1e6, 0), "kW": (1e3, 1, 0)},
+    "A": {"A": _SAME, "mA": (1, 1e3, 0), "uA": (1, 1e6, 0)},
+    "V": {"V": _SAME, "mV": (1, 1e3, 0), "uV": (1, 1e6, 0)},
+    "frac": {"frac": _SAME, "percent": (1, 100, 0), "permille": (1, 1000, 0)},
+    "on": {"on": _SAME},
+    "W_m2": {"W_m2": _SAME, "kW_m2": (1e3, 1, 0)},
+    "m_s": {"m_s": _SAME, "km_h": (1, 3.6, 0)},
+    "Hz": {"Hz": _SAME, "kHz": (1e3, 1, 0), "MHz": (1e6, 1, 0), "GHz": (1e9, 1, 0)},
 }
+"""By the trace's unit those that convert to it: value * multiplier / divisor + offset."""
+BASES = {unit: base for base, units in _UNITS.items() for unit in units}
+"""The trace's unit, by the one that converts to it."""
 
 
 def target_unit(column: str) -> str | None:
     """The base unit that the trace column's name ends with; None where it is not one of the known."""
-    bases = {unit.base for unit in UNITS.values()}
-    fitting = [base for base in bases if column.endswith(f"_{base}")]
-    return max(fitting, key=len, default=None)
+    return max((base for base in _UNITS if column.endswith(f"_{base}")), key=len, default=None)
 
 
 def units_of(base: str) -> list[str]:
     """The units that convert to ``base``."""
-    return [name for name, unit in UNITS.items() if unit.base == base]
+    return list(_UNITS[base])
 
 
 def to_base(values: Array, unit: str) -> Array:
     """``values`` in ``unit`` as values in its base unit; what is not finite stays so."""
-    _, multiplier, divisor, offset = UNITS[unit]
+    multiplier, divisor, offset = _UNITS[BASES[unit]][unit]
     return values * multiplier / divisor + offset

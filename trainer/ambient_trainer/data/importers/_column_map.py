@@ -15,8 +15,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, model_v
 
 from ambient_model.faults import Fault
 from ambient_model.trace import LARGEST, split_column
-from ambient_trainer.data.strict_yaml import Strict, validated, wrong
-from ambient_trainer.data.units import UNITS, target_unit, units_of
+from ambient_trainer.data.strict_yaml import Strict, holds, validated, wrong
+from ambient_trainer.data.units import BASES, target_unit, units_of
 
 
 def _text(value: Any) -> Any:
@@ -27,18 +27,6 @@ def _text(value: Any) -> Any:
 
 def _as_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
-
-
-def _unit(unit: str | None) -> str | None:
-    if unit is not None and unit not in UNITS:
-        raise wrong(f"no unit is called {unit!r}", f"take one of {', '.join(UNITS)}, or give 'scale' and 'offset'")
-    return unit
-
-
-def _scale(scale: float) -> float:
-    if scale == 0:
-        raise wrong("a scale of 0 leaves nothing of the value", "give another, or leave the column out")
-    return scale
 
 
 def _columns(columns: Any) -> Any:
@@ -54,19 +42,6 @@ def _encoding(encoding: str | None) -> str | None:
     except (LookupError, ValueError):
         raise wrong(f"no encoding is called {encoding!r}", "take utf-8, utf-16, cp1252 or latin-1") from None
     return encoding
-
-
-def _delimiter(delimiter: str) -> str:
-    if delimiter != WHITESPACE and (len(delimiter) != 1 or delimiter in _NO_DELIMITERS):
-        raise wrong(f"{delimiter!r} is no delimiter", f"give one character, or '{WHITESPACE}' for runs of blanks")
-    return delimiter
-
-
-def _constants(constants: dict[str, float]) -> dict[str, float]:
-    for name, value in constants.items():
-        if abs(value) > LARGEST:
-            raise wrong(f"{name} is {value:g}", "give what an instrument could read")
-    return constants
 
 
 def _notes(notes: dict[str, str]) -> dict[str, str]:
@@ -85,6 +60,18 @@ OWN_NOTES = ("source", "start", "dropped_rows", "assumed")
 _NO_DELIMITERS = ('"', "\r", "\n", "\0")
 Text = Annotated[str, BeforeValidator(_text)]
 Texts = Annotated[tuple[Text, ...], BeforeValidator(_as_list)]
+_UNIT = holds(
+    lambda unit: unit in BASES,
+    "no unit is called {!r}",
+    f"take one of {', '.join(BASES)}, or give 'scale' and 'offset'",
+)
+_SCALE = holds(bool, "a scale of 0 leaves nothing of the value", "give another, or leave the column out")
+_DELIMITER = holds(
+    lambda text: text == WHITESPACE or (len(text) == 1 and text not in _NO_DELIMITERS),
+    "{!r} is no delimiter",
+    f"give one character, or '{WHITESPACE}' for runs of blanks",
+)
+_CONSTANT = holds(lambda value: abs(value) <= LARGEST, "it is {:g}", "give what an instrument could read")
 
 
 class TimeSource(Strict):
@@ -106,8 +93,8 @@ class ColumnSource(Strict):
 
     sources: Annotated[tuple[Text, ...], Field(alias="from", min_length=1), BeforeValidator(_as_list)]
     combine: Literal["mean", "median"] | None = None
-    unit: Annotated[str | None, AfterValidator(_unit)] = None
-    scale: Annotated[float, AfterValidator(_scale)] = 1.0
+    unit: Annotated[str | None, _UNIT] = None
+    scale: Annotated[float, _SCALE] = 1.0
     offset: float = 0.0
     missing: tuple[Text, ...] = ()
 
@@ -128,9 +115,9 @@ class ColumnMap(Strict):
 
     time: TimeSource
     columns: Annotated[dict[Text, ColumnSource], BeforeValidator(_columns)]
-    constants: Annotated[dict[Text, float], AfterValidator(_constants)] = Field(default_factory=dict)
+    constants: dict[Text, Annotated[float, _CONSTANT]] = Field(default_factory=dict)
     missing: tuple[Text, ...] = ()
-    delimiter: Annotated[str, AfterValidator(_delimiter)] = ","
+    delimiter: Annotated[str, _DELIMITER] = ","
     decimal: Literal[".", ","] = "."
     header: StrictBool = True
     skip_rows: int = Field(0, ge=0)
@@ -187,7 +174,7 @@ def _target_faults(data: Any) -> list[Fault]:
             faults.append(Fault(place, "stands under 'columns' too", "remove one"))
         unit = entry.get("unit") if isinstance(entry, dict) else None
         target = target_unit(name)
-        if isinstance(unit, str) and unit in UNITS and UNITS[unit].base != target:
-            hint = f"take one of {', '.join(units_of(target))}" if target else f"end its name in _{UNITS[unit].base}"
+        if isinstance(unit, str) and BASES.get(unit, target) != target:
+            hint = f"take one of {', '.join(units_of(target))}" if target else f"end its name in _{BASES[unit]}"
             faults.append(Fault(f"{place}.unit", f"{unit} does not become {target or split_column(name)[1]}", hint))
     return faults
