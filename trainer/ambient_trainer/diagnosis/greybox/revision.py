@@ -49,14 +49,18 @@ def same(final: Mechanism, chosen: Mechanism) -> bool:
 
 
 def _near(step: Step) -> Iterator[Trial]:
-    """The rivals of a step that do nearly as well, the best form of each."""
+    """The rivals of a step that do nearly as well, the best form of each; what lasts, or follows a log, stays before
+    what acts for a while, or follows none."""
     assert step.chosen is not None
-    seen = {step.chosen.mechanism.key}
+    mine, seen = step.chosen.mechanism, {step.chosen.mechanism.key}
     for each in sorted(step.trials, key=penalised):
         if len(seen) > _RIVALS or penalised(each) > penalised(step.chosen) + _NEAR:
             break
-        if each.mechanism.key not in seen and not each.at_bounds:
-            seen.add(each.mechanism.key)
+        its = each.mechanism
+        if its.lasts < mine.lasts or (its.driver is None and mine.driver is not None):
+            continue
+        if its.key not in seen and not each.at_bounds:
+            seen.add(its.key)
             yield each
 
 
