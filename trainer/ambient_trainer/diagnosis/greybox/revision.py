@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ambient_trainer.diagnosis.greybox.choice import INSTRUMENT, LEAST_GAIN, Step
+from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
 from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, complexity, identified, penalised
@@ -49,15 +49,19 @@ def same(final: Mechanism, chosen: Mechanism) -> bool:
 
 
 def _near(step: Step) -> Iterator[Trial]:
-    """The rivals of a step that do nearly as well, the best form of each; what lasts, or follows a log, stays before
-    what acts for a while, or follows none."""
+    """The rivals of a step that do nearly as well, the best form of each.
+
+    What lasts, follows a log, or is physics stays before what acts for a while, follows none, or blames an instrument.
+    """
     assert step.chosen is not None
     mine, seen = step.chosen.mechanism, {step.chosen.mechanism.key}
     for each in sorted(step.trials, key=penalised):
         if len(seen) > _RIVALS or penalised(each) > penalised(step.chosen) + _NEAR:
             break
         its = each.mechanism
-        if its.lasts < mine.lasts or (its.driver is None and mine.driver is not None):
+        if its.lasts < mine.lasts or its.instrument > mine.instrument or its.responds > mine.responds:
+            continue
+        if its.driver is None and mine.driver is not None:
             continue
         if its.key not in seen and not each.at_bounds:
             seen.add(its.key)
@@ -75,15 +79,14 @@ def _instead(fitted: Fitted, index: int, rival: Trial) -> Fitted | None:
 
 
 def _gains(fitted: Fitted, other: Fitted, index: int) -> bool:
-    """Whether another mechanism in the place of one is sound and does better; an instrument has to do much better."""
+    """Whether another mechanism in the place of one is sound and does better."""
     mine, its = fitted.model.mechanisms[index], other.model.mechanisms[index]
-    if its.responds > mine.responds or any(each.at_bound for each in its.numbers) or not identified(other, index):
+    if any(each.at_bound for each in its.numbers) or not identified(other, index):
         return False
     lasting = mine.lasts and its.lasts
     before, after = (each.held_out.sum() if lasting else each.combed.sum() for each in (fitted, other))
     assumed = PENALTY * (complexity(its) - complexity(mine))
-    blamed = np.log(INSTRUMENT) * (float(its.instrument) - float(mine.instrument))
-    return bool(np.log(after / before) / 2 + assumed + max(blamed, 0.0) < -LEAST_GAIN)
+    return bool(np.log(after / before) / 2 + assumed < -LEAST_GAIN)
 
 
 def _otherwise(step: Step, rival: Trial, fitted: Fitted, tried: dict[int, Fitted]) -> Step:
