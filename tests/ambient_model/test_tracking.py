@@ -173,7 +173,6 @@ def quick(A: float) -> Tracker:
     ("samples", "statuses"),
     [
         ([(k, HERE) for k in range(11)], [WARMING_UP] * 8 + [TRACKING] * 3),
-        ([(0, HERE), (7, HERE), (8, HERE)], [WARMING_UP, WARMING_UP, TRACKING]),
         ([(0, HERE), (25, HERE), (26, LOST), (27, HERE)], [WARMING_UP, TRACKING, COASTING, TRACKING]),
         ([(0, HERE), (3, LOST), (5, HERE), (9, HERE)], [WARMING_UP, COASTING, WARMING_UP, TRACKING]),
         ([(0, HERE), (9, GONE), (30, GONE), (31, GONE)], [WARMING_UP, COASTING, COASTING, FAULTED]),

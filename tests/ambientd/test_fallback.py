@@ -120,7 +120,6 @@ SETTLED = [ALL] * 200
 @pytest.mark.parametrize(
     ("fallbacks", "coast_s", "then", "said"),
     [
-        (False, None, [NO_USB] * 31 + [ALL], ["coasting"] * 30 + ["faulted"] + ["warming_up"]),
         (False, 0.0, [NO_USB, ALL], ["faulted", "tracking"]),
         (False, 5.0, [NO_USB] * 7 + [ALL], ["coasting"] * 5 + ["faulted"] * 2 + ["tracking"]),
         (False, 5.0, [NO_USB] * 31 + [ALL], ["coasting"] * 5 + ["faulted"] * 26 + ["warming_up"]),
@@ -128,7 +127,6 @@ SETTLED = [ALL] * 200
         (False, 60.0, [NONE] * 61 + [ALL], ["coasting"] * 60 + ["faulted", "warming_up"]),
         (False, 600.0, [NO_TICK] * 29 + [ALL], ["tracking"]),
         (False, 600.0, [NO_TICK] * 31 + [ALL], ["warming_up"]),
-        (True, 5.0, [NO_USB] * 40, ["degraded"] * 40),
         (True, 5.0, [NO_USB] * 7 + [ALL], ["degraded"] * 7 + ["tracking"]),
         (True, 5.0, [NO_BATTERY] * 40 + [ALL] * 121, ["degraded"] * (40 + 120) + ["tracking"]),
         (

@@ -11,6 +11,8 @@ import pytest
 from ambient_model.codec import encode
 from ambientd.publish.claims import Claims
 
+from .conftest import text
+
 
 @pytest.fixture
 def configure(tmp_path, configure):
@@ -21,13 +23,6 @@ def configure(tmp_path, configure):
         return configure(**{"publish": [out, f"status:{tmp_path}/status", f"socket:{tmp_path}/s"], **changes})
 
     return write
-
-
-@pytest.fixture
-def content(tmp_path):
-    """The published file, None where there is none."""
-    path = tmp_path / "temp"
-    return lambda: path.read_text() if path.exists() else None
 
 
 @pytest.fixture
@@ -124,7 +119,7 @@ BAD_KEYS = {
 
 
 def test_a_fault_in_any_part_changes_nothing_and_is_said_once(
-    running, reload, until, ended, configure, content, status, model_file, listen, tmp_path
+    running, reload, until, ended, configure, status, model_file, listen, tmp_path
 ):
     """Neither what is published, nor what lies beside it."""
     (tmp_path / "mine").write_text("mine")
@@ -133,14 +128,14 @@ def test_a_fault_in_any_part_changes_nothing_and_is_said_once(
     claims = Claims()
     claims.take(str(tmp_path / "locked"))
     daemon = running()
-    until(lambda: content() == "23000\n")
+    until(lambda: text(tmp_path / "temp") == "23000\n")
     before = {path.name for path in tmp_path.iterdir()}
     good = Path(model_file).read_text()
     said = []
 
     def refused():
         reload(daemon, 0.1)
-        said.append((content(), status()["model"], status()["status"]))
+        said.append((text(tmp_path / "temp"), status()["model"], status()["status"]))
         assert {path.name for path in tmp_path.iterdir() if not path.name.endswith(".part")} == before
 
     lines = listen(tmp_path / "s")
@@ -191,18 +186,19 @@ def test_a_new_rate_holds(running, reload, until, ended, configure, status):
     assert ended(daemon)[0] == 0
 
 
-def test_another_offset_leaves_no_gap_and_another_mode_comes_back(running, reload, until, ended, configure, content):
+def test_another_offset_leaves_no_gap_and_another_mode_comes_back(running, reload, until, ended, configure, tmp_path):
+    temp = tmp_path / "temp"
     daemon = running()
-    until(lambda: content() == "23000\n")
+    until(lambda: text(temp) == "23000\n")
     configure(file={"offset_millidegC": 100_000})
     reload(daemon, 0)
-    until(lambda: content() != "23000\n")  # never absent: None would end this, too
-    assert content() == "123000\n"
+    until(lambda: text(temp) != "23000\n")  # never absent: that would end this, too
+    assert text(temp) == "123000\n"
     configure(file={"offset_millidegC": 100_000, "mode": "in-place"})
     reload(daemon)
-    until(lambda: content() == "123000\n")
+    until(lambda: text(temp) == "123000\n")
     status, _, log = ended(daemon)
-    assert (status, len(log.splitlines()), content()) == (0, 3, None)
+    assert (status, len(log.splitlines()), temp.exists()) == (0, 3, False)
 
 
 def test_it_ends_though_its_reader_has_stopped_reading(start, until, model_file, write_trace, tmp_path):

@@ -10,6 +10,7 @@ from ambientd.sources.supervision import BackOff, Rules, Supervision
 from .conftest import BATTERY, USB
 
 SOC = Input("soc", "degC", "cpu-0-0", -20.0, 110.0)
+CASE = Input("case", "degC", "case", -20.0, 70.0)
 CURRENT = Input("battery_current", "A", "", -5.0, 5.0)
 
 
@@ -28,37 +29,58 @@ def tried(times_s):
     return [now_s for now_s in times_s if back_off.due(now_s)]
 
 
-def test_what_stays_away_is_tried_less_and_less_often():
+def test_what_stays_away_is_tried_less_and_less_often_and_at_once_again_after_it_was_well_for_long():
     assert tried(map(float, range(200))) == [0, 1, 2, 4, 8, 16, 32, 64, 96, 128, 160, 192]
     assert tried(k / 10 for k in range(90)) == [0.0, 0.1, 1.1, 3.1, 7.1]
+    assert tried([0.0, 1.0, 2.0, 4.0, 7.9, 8.0 + 64.0, 72.5]) == [0.0, 1.0, 2.0, 4.0, 8.0 + 64.0, 72.5]
 
 
-def test_what_was_well_for_long_is_tried_at_once_again():
-    back_off = BackOff()
-    for now_s in (0.0, 1.0, 2.0, 4.0):
-        assert back_off.due(now_s)
-    assert not back_off.due(7.9)
-    assert back_off.due(8.0 + 64.0)
-    assert back_off.due(72.5)
+JUMPS, STUCK = Rules(jump_K_per_s=5.0), Rules(stuck_after_s=600.0)
+BOTH = Rules(stuck_after_s=60.0, jump_K_per_s=1.0)
 
 
-JUMPS = Rules(jump_K_per_s=5.0)
+def each_second(count, readings, from_s=0.0):
+    """Moments a second apart, with the readings of each."""
+    return [(from_s + k, readings(k)) for k in range(count)]
 
 
-def test_a_spike_is_set_aside_until_ten_seconds_are_calm():
-    moments = [(float(k), [30.0, 80.0 if k == 2 else 25.0]) for k in range(40)]
-    assert doubted([USB, BATTERY], JUMPS, moments) == {1: [float(k) for k in range(2, 13)]}
+def seconds(first, end):
+    return [float(k) for k in range(first, end)]
 
 
-def test_what_keeps_jumping_is_never_believed():
-    moments = [(float(k), [30.0 + 20.0 * (k // 7 % 2)]) for k in range(200)]
-    assert doubted([USB], JUMPS, moments) == {0: [float(k) for k in range(7, 200)]}
+SPIKE = each_second(40, lambda k: [30.0, 80.0 if k == 2 else 25.0])
+JUMPING = each_second(200, lambda k: [30.0 + 20.0 * (k // 7 % 2)])
+COARSE = [(k / 20, [30.0 + k // 30]) for k in range(900)]  # one K more is the resolution of many
+CURRENT_JUMPS = each_second(300, lambda k: [4.0 * (k % 2), 30.0])
+CURRENT_STANDS = each_second(300, lambda k: [0.0, 30.0 + k / 50])
+STANDS = each_second(1200, lambda k: [30.0 + k / 100, 25.0 if k < 900 else 25.1, 40.0 - k / 100])
+ONE_MOVES = each_second(5000, lambda k: [30.0, 25.0, 22.0, 40.0 + 30.0 * (k % 2)])
+SUSPENDED = each_second(500, lambda k: [30.0, 25.0]) + each_second(500, lambda k: [45.0, 25.0], 4000.0)
+STUCK_BEFORE = [*each_second(700, lambda k: [30.0 + k / 100, 25.0]), (700.0, [None, None])]
+STUCK_BEFORE += each_second(10, lambda k: [30.0, 25.0], 4000.0)
+FLICKERS = each_second(1000, lambda k: [30.0 + k / 100, 25.44 + 0.03 * (k % 3)])
+OTHERS_COME = each_second(700, lambda k: [None if k < 50 else 30.0 + k / 100, 25.0])
+PAIR, WITHIN = [USB, BATTERY], STUCK._replace(stuck_within_K=0.1)
+# the inputs, the rules, the moments, and per index when it is not believed
+NOT_BELIEVED = {
+    "a spike is set aside until ten seconds are calm": (PAIR, JUMPS, SPIKE, {1: seconds(2, 13)}),
+    "what keeps jumping is never believed": ([USB], JUMPS, JUMPING, {0: seconds(7, 200)}),
+    "a coarse sensor read often does not jump": ([USB], Rules(jump_K_per_s=2.0), COARSE, {}),
+    "a current may jump": ([CURRENT, USB], BOTH, CURRENT_JUMPS, {}),
+    "a current may stand still": ([CURRENT, USB], BOTH, CURRENT_STANDS, {}),
+    "what stands still is stuck until it moves": ([*PAIR, SOC], STUCK, STANDS, {1: seconds(601, 900)}),
+    "one other of three that moves is not enough": ([*PAIR, CASE, SOC], STUCK, ONE_MOVES, {}),
+    "the same on both sides of a suspend is not stuck": (PAIR, STUCK, SUSPENDED, {}),
+    "stuck before a suspend and after it": (PAIR, STUCK, STUCK_BEFORE, {1: seconds(601, 700) + seconds(4000, 4010)}),
+    "a dead sensor that flickers does not stand still": (PAIR, STUCK, FLICKERS, {}),
+    "within a width it does": (PAIR, WITHIN, FLICKERS, {1: seconds(601, 1000)}),
+    "others that come after it began to stand count": (PAIR, STUCK, OTHERS_COME, {1: seconds(601, 700)}),
+}
 
 
-def test_a_coarse_sensor_read_often_does_not_jump():
-    """One K from one twentieth of a second to the next is the resolution of many."""
-    moments = [(k / 20, [30.0 + k // 30]) for k in range(900)]
-    assert doubted([USB], Rules(jump_K_per_s=2.0), moments) == {}
+@pytest.mark.parametrize(("inputs", "rules", "moments", "expected"), NOT_BELIEVED.values(), ids=NOT_BELIEVED)
+def test_when_a_reading_is_not_believed(inputs, rules, moments, expected):
+    assert doubted(inputs, rules, moments) == expected
 
 
 @settings(derandomize=True, deadline=None)
@@ -78,73 +100,21 @@ def test_what_changes_within_the_limit_never_jumps(steps):
     assert doubted([USB], JUMPS, moments) == {}
 
 
-def test_a_current_may_jump_and_stand_still():
-    rules = Rules(stuck_after_s=60.0, jump_K_per_s=1.0)
-    jumping = [(float(k), [4.0 * (k % 2), 30.0]) for k in range(300)]
-    standing = [(float(k), [0.0, 30.0 + k / 50]) for k in range(300)]
-    assert doubted([CURRENT, USB], rules, jumping) == {}
-    assert doubted([CURRENT, USB], rules, standing) == {}
+# the rules, and the readings of two or three sensors in each second, by what makes the second of them no stuck one
+NOT_STUCK = {
+    "all quiet": (STUCK, lambda k: [30.0, 25.0, 40.0]),
+    "the others flicker": (STUCK, lambda k: [30.0 + 0.9 * (k % 2), 25.0, 40.0 + 1.9 * (k % 3 == 0)]),
+    "no others": (STUCK, lambda k: [None, 25.0, None]),
+    "it moves now and then, and one of two others does not": (STUCK, lambda k: [30.0 + k / 100, 25.0 + k // 500, 40.0]),
+    "no witness: it jumps": (BOTH._replace(jump_K_per_s=5.0), lambda k: [70.0 if k % 30 > 26 else 30.0, 25.0]),
+    "no witness: it leaves its range": (Rules(stuck_after_s=60.0), lambda k: [125.0 if k % 30 > 26 else 30.0, 25.0]),
+}
 
 
-STUCK = Rules(stuck_after_s=600.0)
-
-
-def test_what_stands_still_while_the_others_move_is_stuck_until_it_moves():
-    moments = [(float(k), [30.0 + k / 100, 25.0 if k < 900 else 25.1, 40.0 - k / 100]) for k in range(1200)]
-    assert doubted([USB, BATTERY, SOC], STUCK, moments) == {1: [float(k) for k in range(601, 900)]}
-
-
-@pytest.mark.parametrize(
-    "readings",
-    [
-        lambda k: [30.0, 25.0, 40.0],
-        lambda k: [30.0 + 0.9 * (k % 2), 25.0, 40.0 + 1.9 * (k % 3 == 0)],
-        lambda k: [None, 25.0, None],
-        lambda k: [30.0 + k / 100, 25.0 + k // 500, 40.0],
-    ],
-    ids=["all quiet", "the others flicker", "no others", "it moves now and then, and one of two others does not"],
-)
-def test_a_quiet_device_is_not_stuck(readings):
-    moments = [(float(k), readings(k)) for k in range(5000)]
-    assert 1 not in doubted([USB, BATTERY, SOC], STUCK, moments)
-
-
-def test_one_other_of_three_that_moves_is_not_enough():
-    case = Input("case", "degC", "case", -20.0, 70.0)
-    moments = [(float(k), [30.0, 25.0, 22.0, 40.0 + 30.0 * (k % 2)]) for k in range(5000)]
-    assert doubted([USB, BATTERY, case, SOC], STUCK, moments) == {}
-
-
-@pytest.mark.parametrize(
-    ("rules", "spike"),
-    [(Rules(stuck_after_s=60.0, jump_K_per_s=5.0), 70.0), (Rules(stuck_after_s=60.0), 125.0)],
-    ids=["it jumps", "it leaves its range"],
-)
-def test_one_that_is_not_believed_is_no_witness_against_the_others(rules, spike):
-    moments = [(float(k), [spike if k % 30 > 26 else 30.0, 25.0]) for k in range(600)]
-    assert 1 not in doubted([USB, BATTERY], rules, moments)
-
-
-def test_the_same_reading_on_both_sides_of_a_suspend_is_not_stuck():
-    moments = [(float(k), [30.0, 25.0]) for k in range(500)]
-    moments += [(4000.0 + k, [45.0, 25.0]) for k in range(500)]
-    assert doubted([USB, BATTERY], STUCK, moments) == {}
-
-
-def test_what_was_stuck_before_a_suspend_is_stuck_after_it():
-    moments = [(float(k), [30.0 + k / 100, 25.0]) for k in range(700)]
-    moments += [(700.0, [None, None])]
-    moments += [(4000.0 + k, [30.0, 25.0]) for k in range(10)]
-    expected = [*map(float, range(601, 700)), *(4000.0 + k for k in range(10))]
-    assert doubted([USB, BATTERY], STUCK, moments) == {1: expected}
-
-
-def test_a_dead_sensor_that_flickers_stands_still_within_a_width():
-    moments = [(float(k), [30.0 + k / 100, 25.44 + 0.03 * (k % 3)]) for k in range(1000)]
-    assert doubted([USB, BATTERY], STUCK, moments) == {}
-    assert doubted([USB, BATTERY], STUCK._replace(stuck_within_K=0.1), moments) == {
-        1: [float(k) for k in range(601, 1000)]
-    }
+@pytest.mark.parametrize(("rules", "readings"), NOT_STUCK.values(), ids=NOT_STUCK)
+def test_a_quiet_device_is_not_stuck_and_what_is_not_believed_is_no_witness(rules, readings):
+    inputs = [USB, BATTERY, SOC][: len(readings(0))]
+    assert 1 not in doubted(inputs, rules, each_second(5000, readings))
 
 
 def test_the_dead_zone_of_a_real_phone_is_set_aside_and_no_other(beside):
@@ -160,11 +130,6 @@ def test_the_dead_zone_of_a_real_phone_is_set_aside_and_no_other(beside):
     assert len(times_s) > 0.95 * len(rows)
     there_s = [now_s for now_s, values in moments if values[-1] is not None]
     assert times_s == there_s[-len(times_s) :]  # once gone, it never comes back
-
-
-def test_others_that_come_after_it_began_to_stand_count():
-    moments = [(float(k), [None if k < 50 else 30.0 + k / 100, 25.0]) for k in range(700)]
-    assert doubted([USB, BATTERY], STUCK, moments) == {1: [float(k) for k in range(601, 700)]}
 
 
 @settings(derandomize=True, deadline=None)

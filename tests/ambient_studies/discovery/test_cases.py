@@ -57,20 +57,13 @@ def test_no_run_is_a_baselines_or_anothers():
     assert not set(SIGNALS) & set(one.columns)
 
 
-@pytest.fixture(scope="module")
-def runs():
+def test_a_trace_has_its_own_signals_and_is_that_of_its_run_and_called_what_it_would_be_without():
     heated = Hidden("heat_source", "usb", "radio_on", 0.0, None, 0.5)
     plain = Case(0, 5, (), ("wifi_on", "wind_m_s"), "2.1")
-    return simulated([plain, replace(plain, hidden=(heated,), decoys=("gps_on",))])
-
-
-def test_a_trace_has_its_own_signals_only(runs):
+    runs = simulated([plain, replace(plain, hidden=(heated,), decoys=("gps_on",))])
     logged = [{name for name in run.trace.columns if name in SIGNALS} for run in runs]
     assert logged == [{"wifi_on", "wind_m_s"}, {"radio_on", "gps_on"}]
     assert runs[1].clean.columns.keys() == runs[1].trace.columns.keys()
-
-
-def test_the_trace_is_that_of_its_run_and_called_what_it_would_be_without(runs):
     (alone,) = simulate_many([("2.1", 5, ())], 5.0)
     for name, values in alone.trace.columns.items():
         np.testing.assert_array_equal(runs[0].trace.columns[name], values)

@@ -14,9 +14,12 @@ from ambient_trainer.data.trace import Trace
 from .sample_report import SETTING, STANDBY_W, constant_model, runs
 
 
-def test_a_model_of_another_device_is_refused(trainer, saved):
-    status, _, err = trainer("mitigate", saved(constant_model(20.0, "ch102")))
+@pytest.mark.parametrize("study", ["mitigate", "limit", "units"])
+def test_a_model_of_another_device_is_refused_before_anything_is_simulated(trainer, saved, monkeypatch, study):
+    monkeypatch.setattr("ambient_studies.lower_bound.study.simulate_many", None)
+    status, _, err = trainer(study, saved(constant_model(20.0, "ch102")))
     assert (status, "reads ch102_degC" in err) == (1, True)
+    assert study != "limit" or "reads ch102_degC, which the simulated phone does not log" in err
 
 
 @pytest.mark.parametrize(("text", "temps"), [("5", (5.0,)), ("-3.5", (-3.5,)), ("35/5/35", (35.0, 5.0, 35.0))])
@@ -54,20 +57,16 @@ def known_phone(noise_degC):
     return Trace("known", np.arange(count, dtype=float), columns)
 
 
-def test_a_known_phone_is_recovered():
-    fitted = identify(known_phone(0.01))
+def test_a_known_phone_is_recovered_and_the_margin_is_what_the_skin_was_hotter_than_predicted():
+    fitted, noisy = identify(known_phone(0.01)), identify(known_phone(0.5))
     assert fitted.sensor == "soc"
     assert fitted.resistance_K_W == pytest.approx(2.5, rel=0.01)
     assert fitted.time_constant_s == pytest.approx(240, rel=0.01)
     # in steady state: skin = air + 2.5 P and sensor = air + 12.5 P
     assert fitted.dc_gains == pytest.approx((0.2, 0.8), abs=0.01)
-
-
-def test_the_margin_is_what_the_skin_was_hotter_than_predicted():
-    quiet, noisy = identify(known_phone(0.01)), identify(known_phone(0.5))
     # 95 % of a normal error lie below 1.645 standard deviations
     assert noisy.margin_K == pytest.approx(1.645 * 0.5, abs=0.05)
-    assert 0 <= quiet.margin_K < 0.05
+    assert 0 <= fitted.margin_K < 0.05
 
 
 def test_the_scores_of_records_known_by_hand():

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambient_model.faults import Refused
 from ambient_model.model import Model
 from ambient_studies.unit_variation.study import CALIBRATION, LIE_DEGC, Plan, learnt, run_of, study
 from ambient_trainer.data import Trace
@@ -103,13 +102,6 @@ def test_readings_of_a_week_teach_units_their_offset_and_a_liar_none(done, free_
     for unit in done.units:
         for score in unit.scores:
             assert score.learnt_bias_degC == pytest.approx(score.bias_degC - unit.learnt_offset_degC)
-
-
-def test_another_devices_model_is_refused(free_model):
-    inputs = (free_model.main.inputs[0]._replace(name="ch102"), *free_model.main.inputs[1:])
-    other = free_model._replace(main=free_model.main._replace(inputs=inputs))
-    with pytest.raises(Refused, match="reads ch102_degC"):
-        study(other, PLAN, 1, lambda *_: None)
 
 
 def test_units_prints_writes_and_draws(figures, saved, free_model, tmp_path):

@@ -25,20 +25,26 @@ def here(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("report", "place", "reason"),
+    ("report", "wanted", "inputs", "place", "reason"),
     [
-        ("notes.txt", "notes.txt", "no folder"),
-        ("notes.txt/page", "notes.txt/page", "{here}/notes.txt is no folder"),
-        ("leads_nowhere", "leads_nowhere", "no folder"),
-        ("closed", "closed", "{here}/closed"),
-        ("closed/a/b", "closed/a/b", "{here}/closed"),
-        ("taken", "taken/index.html", "is a folder"),
+        ("notes.txt", [], [], "notes.txt", "no folder"),
+        ("notes.txt/page", [], [], "notes.txt/page", "{here}/notes.txt is no folder"),
+        ("leads_nowhere", [], [], "leads_nowhere", "no folder"),
+        ("closed", [], [], "closed", "{here}/closed"),
+        ("closed/a/b", [], [], "closed/a/b", "{here}/closed"),
+        ("taken", [], [], "taken/index.html", "is a folder"),
+        ("page", ["/dev/null"], [], "/dev/null", "device"),
+        ("page", [""], [], "", "is a folder"),
+        ("page", ["gone/out.json"], [], "gone/out.json", "no folder {here}/gone"),
+        ("page", ["page/index.html"], [], "page/index.html", "twice"),
+        ("page", ["notes.txt"], ["./notes.txt"], "notes.txt", "overwritten"),
+        ("page", [], ["page/plotly.min.js"], "page/plotly.min.js", "overwritten"),
     ],
 )
-def test_a_report_that_cannot_be_written_is_refused(here, report, place, reason):
+def test_what_cannot_be_written_or_would_be_overwritten_is_refused(here, report, wanted, inputs, place, reason):
     with pytest.raises(click.UsageError) as refused:
-        Output(report_folder=report).check([])
-    assert refused.value.message.startswith(f"{place}: ")
+        Output(report_folder=report).check(inputs, wanted)
+    assert refused.value.message.startswith(f"{place}: " if place else reason)
     assert reason.format(here=here) in refused.value.message
     assert "\n" not in refused.value.message
 
@@ -47,25 +53,6 @@ def test_a_report_that_cannot_be_written_is_refused(here, report, place, reason)
 def test_a_report_may_be_written_over_or_made(here, report):
     Output("out.json", report).check(["notes.txt"])
     assert not (here / "new").exists()
-
-
-@pytest.mark.parametrize(
-    ("wanted", "inputs", "place", "reason"),
-    [
-        (["/dev/null"], [], "/dev/null", "device"),
-        ([""], [], "", "is a folder"),
-        (["gone/out.json"], [], "gone/out.json", "no folder {here}/gone"),
-        (["page/index.html"], [], "page/index.html", "twice"),
-        (["notes.txt"], ["./notes.txt"], "notes.txt", "overwritten"),
-        ([], ["page/plotly.min.js"], "page/plotly.min.js", "overwritten"),
-    ],
-)
-def test_files_beside_a_report(here, wanted, inputs, place, reason):
-    with pytest.raises(click.UsageError) as refused:
-        Output(report_folder="page").check(inputs, wanted)
-    assert refused.value.message.startswith(place)
-    assert reason.format(here=here) in refused.value.message
-    assert "\n" not in refused.value.message
 
 
 def test_a_report_is_shown_and_written_where_asked(here, capsys):

@@ -12,7 +12,6 @@ from ..evaluation.conftest import sensor_trace, two_sensor_model
 # the call, its status, and what the message names
 CALLS = [
     ("diagnose x.csv --circuit phone --period nan", 2, "--period; nan"),
-    ("simulate 5 -o x.csv --period 0.01", 2, "--period; 0.01"),
     ("mitigate x.json --limit nan", 2, "--limit; nan"),
     ("evaluate x.json x.csv --from 20 --to 10", 2, "--from 20; --to 10"),
     ("limit x.json --seeds 1,-2", 2, "--seeds; 1,-2"),
@@ -42,9 +41,9 @@ CALLS = [
     ("import t.csv --format benchlink", 2, "Missing option '-o'"),
     ("join t.csv -o o.csv", 2, "two"),
     ("join t.csv u.csv -o u.csv", 2, "u.csv"),
-    ("simulate 7 -o o.csv", 2, "2.1"),
+    ("simulate 7 -o o.csv", 2, "none is called '7'; take one of 1, 2.1, 2.2, 2.3, 2.4, 2.5, 3, 4, 5, "),
     ("simulate 1 -o o.csv --seed -1", 2, "x>=0"),
-    ("simulate 1 -o o.csv --period 0", 2, "0.1<=x<=60"),
+    ("simulate 1 -o o.csv --period 0.01", 2, "--period; 0.01; 0.1<=x<=60"),
     ("simulate 1 -o o.csv --hide sensor_bias:usb:2W", 2, "'sensor_bias:usb:2W', size: 'W'"),
     ("simulate 1 -o o.csv --decoy moon_on", 2, "decoy 'moon_on'"),
     ("simulate 1 -o o.csv --truth nowhere/t.json", 2, "nowhere/t.json"),
@@ -86,6 +85,7 @@ CALLS = [
     ("mitigate m.json --sensor nose", 1, "--sensor: the simulated phone has no zone 'nose'; it has soc, "),
     ("mitigate m.json --lose modem 1 2", 1, "neither the model nor; reads 'modem'; lose one of usb, battery, soc"),
     ("mitigate m.json --json m.json", 2, "would be overwritten by what is made from it"),
+    ("fleet . --circuit free-1 -o out --engine somewhere", 1, "somewhere"),
     ("units m.json --count 1", 2, "1 is not in the range"),
 ]
 

@@ -11,9 +11,7 @@ from pathlib import Path
 import pytest
 
 import ambient_trainer as at
-from ambient_model.faults import Refused
 from ambient_trainer.fleet.dataset import write_dataset
-from ambient_trainer.fleet.engine import engine_of
 from ambient_trainer.simulator.fleet import FleetPlan, fleet
 from processes import free_port, is_listening, wait_until
 
@@ -57,11 +55,6 @@ def cluster(folder: Path, workers: int = 2):
             for each in processes:
                 each.kill()
                 each.wait(20)
-
-
-def test_an_engine_that_is_none_is_refused():
-    with pytest.raises(Refused):
-        engine_of("somewhere", 1)
 
 
 @pytest.mark.slow

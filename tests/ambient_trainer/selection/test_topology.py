@@ -19,6 +19,8 @@ from ambient_trainer.selection.topology import (
     pruned,
 )
 
+from ..conftest import truth_of
+
 SENSORS = ("left", "mixed", "right")
 TAU_S = (90.0, 20.0, 6.0)
 HIDDEN = Topology(
@@ -111,9 +113,8 @@ def test_the_steps_find_the_topology_that_was_hidden_and_leave_out_an_edge_that_
 
 def values_of(circuit, **changed):
     random = np.random.default_rng(0)
-    values = {each.name: each.initial for each in circuit.parameters}
-    values.update({name: random.normal() for name in values if name[:2] in ("c_", "d_")})
-    return {**values, **changed}
+    values = truth_of(circuit)
+    return {**values, **{name: random.normal() for name in values if name[:2] in ("c_", "d_")}, **changed}
 
 
 @pytest.mark.parametrize(
@@ -136,8 +137,9 @@ def test_an_edge_that_conducts_nothing_is_gone_and_nothing_else_changes(small, t
     again = parse_circuit(write_circuit(less), "searched.yaml")
     u = small.segments[0].inputs[[small.names.index(each.removesuffix("_degC")) for each in circuit.inputs]]
     whole = response_degC(assemble(circuit, values).value, "first-order", u, 2.0)
-    given = {each.name: each.initial for each in again.parameters}
-    np.testing.assert_allclose(response_degC(assemble(again, given).value, "first-order", u, 2.0), whole, atol=1e-2)
+    np.testing.assert_allclose(
+        response_degC(assemble(again, truth_of(again)).value, "first-order", u, 2.0), whole, atol=1e-2
+    )
 
 
 def test_what_conducts_something_stays():
@@ -146,4 +148,4 @@ def test_what_conducts_something_stays():
     less, drawn = pruned(circuit, HIDDEN, values)
     assert drawn == HIDDEN
     assert less.edges == circuit.edges
-    assert {each.name: each.initial for each in less.parameters} == pytest.approx(values)
+    assert truth_of(less) == pytest.approx(values)
