@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from ambient_trainer.diagnosis.greybox.choice import choose
+from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
-from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
+from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Clock
 from ambient_trainer.diagnosis.greybox.model import Number
 
 SENSORS = ("board", "skin")
@@ -55,3 +56,15 @@ def test_a_step_of_the_resolution_is_no_window_of_heat_there(step_degC, place):
     window.mechanism, window.lasting = replace(window.mechanism, onset_s=100.0), False
     window.fitted.combed = window.fitted.held_out
     assert (choose(before, [window], 0.0) is window) == (step_degC < 1.0 or place == "skin")
+
+
+@pytest.mark.parametrize("known_good", [True, False])
+def test_a_clock_is_a_likelier_cause_where_known_good_records_show_the_bodies(known_good):
+    before, clock, heat = fitted(4.0, 4.0, 4.0), trial(Clock, (), 2.0, 2.0, 2.0), trial(Heat, ("skin",), 2.4, 2.4, 2.4)
+    before.records = (SimpleNamespace(weight=np.ones(2) if known_good else None),)
+    assert choose(before, [clock, heat], 0.0) is (clock if known_good else heat)
+
+
+@pytest.mark.parametrize(("driver", "doubtful"), [("flow_m3_s > 0.1", True), ("heater_W", False)])
+def test_a_flow_stands_for_what_it_brings(driver, doubtful):
+    assert Heat(("board",), (), Expression(driver)).doubtful == doubtful
