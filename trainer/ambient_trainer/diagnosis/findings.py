@@ -25,7 +25,7 @@ from ambient_trainer.diagnosis.greybox.choice import (
 from ambient_trainer.diagnosis.greybox.choice import Step as Chosen
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted
-from ambient_trainer.diagnosis.greybox.revision import same
+from ambient_trainer.diagnosis.greybox.revision import is_chosen
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.stepwise import Selection, beside
 from ambient_trainer.diagnosis.greybox.trials import Trial, penalised
@@ -57,7 +57,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
     held = list(range(len(selection.bare.model.mechanisms), len(final.model.mechanisms)))
     for step in selection.steps:
         chosen = step.chosen
-        found = [each for each in held if chosen and same(final.model.mechanisms[each], chosen.mechanism)]
+        found = [each for each in held if chosen and is_chosen(final.model.mechanisms[each], chosen.mechanism)]
         if chosen is None or not found:
             continue
         index = found[0]
@@ -90,7 +90,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
 def held_at_the_end(step: Chosen, selection: Selection) -> list[Mechanism]:
     """The mechanisms of the final model that a step has chosen."""
     added = selection.final.model.mechanisms[len(selection.bare.model.mechanisms) :]
-    return [] if step.chosen is None else [each for each in added if same(each, step.chosen.mechanism)]
+    return [] if step.chosen is None else [each for each in added if is_chosen(each, step.chosen.mechanism)]
 
 
 def left_degC(fitted: Fitted) -> Array:

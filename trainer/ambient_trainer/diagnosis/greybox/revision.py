@@ -23,7 +23,7 @@ def revised(steps: Sequence[Step], fitted: Fitted, given: int) -> tuple[list[Ste
     The first ``given`` mechanisms are the circuit's own.
     """
     for at, step in enumerate(steps):
-        index = held_at(step, fitted, given)
+        index = _held_at(step, fitted, given)
         if step.chosen is None or index is None:
             continue
         tried = {id(each): other for each in _near(step) if (other := _instead(fitted, index, each)) is not None}
@@ -35,14 +35,14 @@ def revised(steps: Sequence[Step], fitted: Fitted, given: int) -> tuple[list[Ste
     return None
 
 
-def held_at(step: Step, fitted: Fitted, given: int) -> int | None:
+def _held_at(step: Step, fitted: Fitted, given: int) -> int | None:
     """Where a model holds what a step has chosen, perhaps at fewer places; None where it does not."""
     held = range(given, len(fitted.model.mechanisms))
     mechanisms = fitted.model.mechanisms
-    return next((each for each in held if step.chosen and same(mechanisms[each], step.chosen.mechanism)), None)
+    return next((each for each in held if step.chosen and is_chosen(mechanisms[each], step.chosen.mechanism)), None)
 
 
-def same(final: Mechanism, chosen: Mechanism) -> bool:
+def is_chosen(final: Mechanism, chosen: Mechanism) -> bool:
     """Whether a mechanism is one that was chosen, perhaps without places that were dropped since."""
     forms = [None if each.driver is None else each.driver.form for each in (final, chosen)]
     return final.cause == chosen.cause and forms[0] == forms[1] and set(final.places) <= set(chosen.places)
