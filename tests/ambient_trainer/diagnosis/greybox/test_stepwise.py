@@ -107,7 +107,7 @@ def test_a_body_that_warms_and_cools_by_turns_is_a_contact(circuit, simulated, s
     assert step.onset_s == pytest.approx(10800, abs=300), seed
     assert step.end_s == pytest.approx(21600, abs=300), seed
     assert step.magnitude.ci95[0] - 1 < 28.0 < step.magnitude.ci95[1] + 1, seed
-    assert step.gain.p_value < 0.01, seed
+    assert step.gain.p_value < 0.05, seed
 
 
 def test_a_clock_is_named_where_noise_is_most_of_what_is_left(circuit, simulated, seed):
