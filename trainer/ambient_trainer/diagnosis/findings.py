@@ -307,16 +307,19 @@ def ranking_of(selection: Selection, named: bool) -> tuple[Ranked, ...]:
     for trial in selection.compared.trials:
         mechanism = trial.mechanism
         best.setdefault((mechanism.key, mechanism.onset_s, mechanism.end_s), trial)
-    return tuple(_ranked(selection.compared, trial, trial.mechanism.key in taken) for trial in best.values())
+    return tuple(_ranked(selection.compared, trial, taken) for trial in best.values())
 
 
-def _ranked(step: Chosen, trial: Trial, taken: bool) -> Ranked:
+def _ranked(step: Chosen, trial: Trial, taken: set[tuple[str, tuple[str, ...], str]]) -> Ranked:
     mechanism, gain = trial.mechanism, _gain(step, trial)
     magnitude, _ = _numbers(trial.fitted, len(trial.fitted.model.mechanisms) - 1)
-    if taken:
+    best = step.chosen and (step.chosen.mechanism.key, step.chosen.lasting)
+    if mechanism.key in taken:
         remark = "taken"
     elif trial.at_bounds:
         remark = "a number ends at a physical bound"
+    elif taken and best == (mechanism.key, trial.lasting):
+        remark = "best by itself; what was taken does better together"
     elif step.chosen is not None and _rival(trial, step.chosen):
         remark = "not distinguishable from the one taken"
     elif gain.rmse_after_degC > gain.rmse_before_degC * 0.95:
