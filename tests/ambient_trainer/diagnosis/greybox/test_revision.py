@@ -2,15 +2,17 @@
 
 from dataclasses import replace
 
+import pytest
+
 from ambient_trainer.diagnosis.greybox.choice import Step
-from ambient_trainer.diagnosis.greybox.mechanisms import coupling, heat
+from ambient_trainer.diagnosis.greybox.mechanisms import coupling, heat, mass
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import fit
 from ambient_trainer.diagnosis.greybox.revision import revised
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import screen
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
-from ambient_trainer.diagnosis.greybox.trials import compared
+from ambient_trainer.diagnosis.greybox.trials import Trial, compared
 
 
 def test_heat_by_a_current_becomes_heat_by_its_square(circuit, simulated, recorded, seed):
@@ -30,3 +32,24 @@ def test_heat_by_a_current_becomes_heat_by_its_square(circuit, simulated, record
     assert [each.key[2] for each in after.model.mechanisms] == ["current_A^2", "wind_m_s"], seed
     assert after.held_out_rmse_degC < 0.5 * fitted.held_out_rmse_degC, seed
     assert revised([step], after, 0) is None, seed
+
+
+@pytest.mark.parametrize("body_stays", [True, False])
+def test_what_acts_on_a_body_neither_takes_its_place_nor_outlives_it(circuit, simulated, recorded, seed, body_stays):
+    """A body behind a body: it leaves nothing to hang on if it replaces the first, or if that was dropped."""
+    held = recorded(simulated(seed, heat_W=lambda now, _: 0.8 * now["current_A"], mass=(0.5, 400.0)))
+    bare = bare_fit(GreyBox.of(circuit), held)
+
+    def with_body(before, place):
+        bodies = [each for each in mass.candidates(Scene(before)) if each.places == (place,)]
+        return fit(before.model.with_mechanism(bodies[0]), held, prior=bare.prior).refitted()
+
+    first = with_body(bare, "board")
+    second = with_body(first, "board_mass")
+    warmed = fit(first.model.with_mechanism(next(heat.candidates(Scene(first)))), held, prior=bare.prior).refitted()
+    tried = [replace(Trial.of(bare, each), rmse_degC=1.0, at_bounds=False) for each in (first, second, warmed)]
+    if body_stays:
+        assert revised([Step(bare, tried[0], tuple(tried), 3)], second, 0) is None, seed
+    else:
+        alone = fit(bare.model.with_mechanism(warmed.model.mechanisms[1]), held, prior=bare.prior).refitted()
+        assert revised([Step(first, tried[2], tuple(tried[1:]), 2)], alone, 0) is None, seed

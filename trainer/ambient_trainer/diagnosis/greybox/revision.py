@@ -10,6 +10,7 @@ import numpy as np
 from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
+from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, complexity, identified, penalised
 from ambient_trainer.diagnosis.greybox.windows import sharpened
 
@@ -36,8 +37,8 @@ def revised(steps: Sequence[Step], fitted: Fitted, given: int) -> tuple[list[Ste
 
 
 def _held_at(step: Step, fitted: Fitted, given: int) -> int | None:
-    """Where a model holds what a step has chosen, perhaps at fewer places; None where it does not."""
-    held = range(given, len(fitted.model.mechanisms))
+    """Where a model holds what a step has chosen, perhaps at fewer places; None where it does not, or builds on it."""
+    held = (each for each in range(given, len(fitted.model.mechanisms)) if not fitted.model.carries(each))
     mechanisms = fitted.model.mechanisms
     return next((each for each in held if step.chosen and is_chosen(mechanisms[each], step.chosen.mechanism)), None)
 
@@ -52,8 +53,10 @@ def _near(step: Step) -> Iterator[Trial]:
     """The rivals of a step that do nearly as well, the best form of each.
 
     What lasts, follows a log, or is physics stays before what acts for a while, follows none, or blames an instrument.
+    What acts on a body stays out, since later steps may have changed or dropped that.
     """
     assert step.chosen is not None
+    bodies = set(Scene(step.before).hidden_nodes)
     mine, seen = step.chosen.mechanism, {step.chosen.mechanism.key}
     for each in sorted(step.trials, key=penalised):
         if len(seen) > _RIVALS or penalised(each) > penalised(step.chosen) + _NEAR:
@@ -61,7 +64,7 @@ def _near(step: Step) -> Iterator[Trial]:
         its = each.mechanism
         if its.lasts < mine.lasts or its.instrument > mine.instrument or its.responds > mine.responds:
             continue
-        if its.driver is None and mine.driver is not None:
+        if (its.driver is None and mine.driver is not None) or bodies & set(its.places):
             continue
         if its.key not in seen and not each.at_bounds:
             seen.add(its.key)
