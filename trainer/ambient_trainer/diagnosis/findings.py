@@ -23,6 +23,7 @@ from ambient_trainer.diagnosis.greybox.choice import (
     twins,
 )
 from ambient_trainer.diagnosis.greybox.choice import Step as Chosen
+from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted
 from ambient_trainer.diagnosis.greybox.revision import is_chosen
@@ -38,6 +39,8 @@ _ALIKE = 0.04
 _EVIDENT, _RESAMPLED = 0.95, 400
 _EVERYWHERE = ("ambient_coupling", "convection_law")
 """Without a location they are those of all nodes."""
+_NO_POWERS, _AS_POWERS = ("_V", "_rpm", "_krpm", "_MHz", "_GHz"), ("_W", "_kW", "_A", "_load", "_frac", "_pct")
+"""Units of columns that heat follows though they are none, and of those that are powers or go along with one."""
 _CURVES = ("thermal_mass", "convection_law")
 """What bends a node's way to a temperature that stays."""
 _CENTRE, _SLOPE = 0.05, 8.0
@@ -200,9 +203,18 @@ def _doubtful(step: Chosen, chosen: Trial, records: Sequence[Record]) -> bool:
     # without known-good records, what nothing logged shows and that begins or ends describes more than it names; and
     # a loss that differs in the heat: of five in measured logs none was surely that
     if mechanism.driver is not None:
-        return mechanism.cause == "convection_law" and records[0].weight is None
+        bent = mechanism.cause == "convection_law" and records[0].weight is None
+        return bent or (mechanism.cause == "heat_source" and _stands_in(mechanism.driver, records))
     begins = not mechanism.lasts and records[0].weight is None
     return begins or (mechanism.cause == "heat_source" and ambient_rests(records))
+
+
+def _stands_in(driver: Expression, records: Sequence[Record]) -> bool:
+    """Whether heat follows what is no power, while a power, a current or a load is logged that moves as well: a
+    processor's voltage and a motor's speed went along with those in measured logs that begin with a few loads."""
+    if not driver.columns[0].endswith(_NO_POWERS):
+        return False
+    return any(name.endswith(_AS_POWERS) and np.ptp(row) > 0 for each in records for name, row in each.signals.items())
 
 
 def ambient_rests(records: Sequence[Record]) -> bool:

@@ -79,9 +79,11 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
         clock = not each.mechanism.places
         rivals = [other for other in trials if not other.mechanism.instrument] if clock else [*physical, *driven]
         # known-good records show bodies and losses, which a clock may stand for elsewhere
-        much = _CLOCK if clock and before.records[0].weight is not None else INSTRUMENT
-        better = all(each.rmse_degC * much < other.rmse_degC for other in rivals)
-        if better and (clock or _halves(before, each)):
+        much = _CLOCK if clock and known_good(before) else INSTRUMENT
+        near = [other for other in rivals if other.rmse_degC <= each.rmse_degC * much]
+        if not near and (clock or _halves(before, each)):
+            return each
+        if known_good(before) and _leaps(each) and all(_jumps_beside(each, other.fitted) for other in near):
             return each
     # another temperature that is logged may answer to the same cause: it has to explain much more
     given = [each for each in physical if not each.mechanism.responds]
@@ -161,20 +163,46 @@ def twins(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:
 
 def _jumps(trial: Trial) -> bool:
     """Whether readings jump where an offset of a sensor begins and ends: what warms or cools takes its time."""
+    return not trial.mechanism.sudden or _jumps_beside(trial, trial.fitted)
+
+
+def _leaps(trial: Trial) -> bool:
+    """Whether an offset of one sensor begins or ends within the records, and readings jump there as nowhere else."""
     mechanism = trial.mechanism
-    if not mechanism.sudden:
-        return True
-    amount = mechanism.numbers[0].value
-    sensor = [output.name for output in trial.fitted.model.circuit.outputs].index(mechanism.places[0])
-    for index, record in enumerate(trial.fitted.records):
-        without = trial.fitted.residual_degC(index)[sensor] + amount * mechanism.weight(record)
-        for at_s, size in ((mechanism.onset_s, amount), (mechanism.end_s, -amount)):
-            if at_s is not None and record.time_s[0] < at_s < record.time_s[-1]:
-                edge = int(np.searchsorted(record.time_s, at_s))
-                jumps = [_jump(without, each) for each in range(edge - _NEAR, edge + _NEAR + 1)]
-                if max(np.sign(size) * np.array(jumps)) < _HALF * abs(size):
-                    return False
+    if mechanism.cause != "sensor_bias" or len(mechanism.places) != 1 or not _edges(mechanism, trial.fitted.records):
+        return False
+    return _jumps_beside(trial, trial.fitted)
+
+
+def _jumps_beside(trial: Trial, fitted: Fitted) -> bool:
+    """Whether readings jump where an offset begins and ends, beside a model with it or with something else."""
+    mechanism = trial.mechanism
+    sensor = [output.name for output in fitted.model.circuit.outputs].index(mechanism.places[0])
+    for index, record, at_s, size in _edges(mechanism, fitted.records):
+        left = fitted.residual_degC(index)[sensor]
+        if fitted is trial.fitted:
+            left = left + mechanism.numbers[0].value * mechanism.weight(record)
+        edge = int(np.searchsorted(record.time_s, at_s))
+        jumps = [_jump(left, each) for each in range(edge - _NEAR, edge + _NEAR + 1)]
+        if max(np.sign(size) * np.array(jumps)) < _HALF * abs(size):
+            return False
     return True
+
+
+def _edges(mechanism: Mechanism, records: Sequence[Record]) -> list[tuple[int, Record, float, float]]:
+    """Where an offset begins and ends within records: the record's index, the record, the time, and by how much."""
+    amount = mechanism.numbers[0].value
+    return [
+        (index, record, at_s, size)
+        for index, record in enumerate(records)
+        for at_s, size in ((mechanism.onset_s, amount), (mechanism.end_s, -amount))
+        if at_s is not None and record.time_s[0] < at_s < record.time_s[-1]
+    ]
+
+
+def known_good(fitted: Fitted) -> bool:
+    """Whether known-good records hold the circuit."""
+    return fitted.records[0].weight is not None
 
 
 def _switched(trial: Trial) -> bool:
@@ -244,7 +272,7 @@ def left_by_window(before: Fitted, after: Trial) -> float:
     What wanders by itself is always better by two levels than by one: see ``WANDERS``.
     """
     mechanism = after.mechanism
-    if mechanism.lasts or mechanism.driver is not None or mechanism.sudden or before.records[0].weight is not None:
+    if mechanism.lasts or mechanism.driver is not None or mechanism.sudden or known_good(before):
         return 0.0
     was, left = (
         np.sum([_slow_squares(fitted, index) for index in range(len(before.records))], axis=0)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step
+from ambient_trainer.diagnosis.greybox.choice import INSTRUMENT, LEAST_GAIN, Step, known_good
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
@@ -62,7 +62,9 @@ def _near(step: Step) -> Iterator[Trial]:
         if len(seen) > _RIVALS or penalised(each) > penalised(step.chosen) + _NEAR:
             break
         its = each.mechanism
-        if its.lasts < mine.lasts or its.instrument > mine.instrument or its.responds > mine.responds:
+        if its.lasts < mine.lasts or its.responds > mine.responds:
+            continue
+        if its.instrument > mine.instrument and not known_good(step.before):
             continue
         if (its.driver is None and mine.driver is not None) or bodies & set(its.places):
             continue
@@ -89,7 +91,8 @@ def _gains(fitted: Fitted, other: Fitted, index: int) -> bool:
     lasting = mine.lasts and its.lasts
     before, after = (each.held_out.sum() if lasting else each.combed.sum() for each in (fitted, other))
     assumed = PENALTY * (complexity(its) - complexity(mine))
-    return bool(np.log(after / before) / 2 + assumed < -LEAST_GAIN)
+    least = np.log(INSTRUMENT) if its.instrument > mine.instrument else LEAST_GAIN
+    return bool(np.log(after / before) / 2 + assumed < -least)
 
 
 def _otherwise(step: Step, rival: Trial, fitted: Fitted, tried: dict[int, Fitted]) -> Step:
