@@ -18,6 +18,7 @@ from ambient_trainer.diagnosis.greybox.choice import (
     INSTRUMENT,
     WANDERS,
     correlation,
+    leaves_a_leap,
     left_by_window,
     opens_with,
     twins,
@@ -184,7 +185,7 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math
     sound = [each for each in step.trials if not each.at_bounds]
     there = [chosen.mechanism, *final.model.mechanisms]
     held = partial(_held, there, step.before, final.records)
-    others = [each for each in sound if not held(each.mechanism)]
+    others = [each for each in sound if not (held(each.mechanism) or leaves_a_leap(chosen, each))]
     # what stands for the cause chosen has beaten the others for it
     same = [penalised(each) for each in sound if _says_the_same(each.mechanism, chosen.mechanism, final.records)]
     best = min([penalised(chosen), *same])

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.greybox.choice import choose
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
@@ -68,3 +69,20 @@ def test_a_clock_is_a_likelier_cause_where_known_good_records_show_the_bodies(kn
 @pytest.mark.parametrize(("driver", "doubtful"), [("flow_m3_s > 0.1", True), ("heater_W", False)])
 def test_a_flow_stands_for_what_it_brings(driver, doubtful):
     assert Heat(("board",), (), Expression(driver)).doubtful == doubtful
+
+
+def test_an_offset_that_leaps_is_no_heat_though_more_has_changed(circuit, simulated, seed):
+    """Since known-good records the wind has begun to cool, which alone keeps heat near the error that is left."""
+    draw = np.random.default_rng(seed)
+    good = simulated(seed, heat_W=lambda now, _: 0.8 * now["current_A"])
+    changed = simulated(
+        seed + 1,
+        heat_W=lambda now, _: 0.8 * now["current_A"],
+        conductance_W_K=lambda now, _: 0.4 + 0.02 * now["wind_m_s"],
+    )
+    begins, offset_K = int(draw.integers(300, 900)), draw.choice([-1, 1]) * draw.uniform(0.5, 0.8)
+    read = changed.columns["board_degC"] + offset_K * (np.arange(len(changed.time_s)) >= begins)
+    found = diagnose(circuit, [replace(changed, columns={**changed.columns, "board_degC": read})], [good])
+    step = next(each for each in found.steps if each.cause.name == "sensor_bias")
+    assert step.magnitude.ci95[0] < offset_K < step.magnitude.ci95[1], seed
+    assert step.confidence > 0.5, seed

@@ -111,7 +111,9 @@ def test_heat_that_wanders_is_surely_no_heat_for_a_while(circuit, simulated, see
 @pytest.mark.parametrize("power", ["current_A", None])
 def test_heat_by_a_speed_is_not_sure_where_a_current_is_logged(circuit, simulated, seed, power):
     trace = simulated(seed, heat_W=lambda now, degC: 0.004 * now["sun_W_m2"])
-    columns = {name: row for name, row in trace.columns.items() if name not in ("sun_W_m2", "current_A", "humidity_frac")}
+    columns = {
+        name: row for name, row in trace.columns.items() if name not in ("sun_W_m2", "current_A", "humidity_frac")
+    }
     columns |= {"motor_rpm": trace.columns["sun_W_m2"]} | ({power: trace.columns[power]} if power else {})
     step = diagnose(circuit, [replace(trace, columns=columns)]).verdict
     assert (step.cause.name, step.cause.signal) == ("heat_source", "motor_rpm"), seed

@@ -15,7 +15,7 @@ LEAST_GAIN = 0.05
 """Of the held-out error's logarithm: a step that gains less is curve fitting."""
 INSTRUMENT, _CLOCK, _HALF = 1.3, 1.1, 0.5
 _SURE = 1.645
-_LASTING, ANSWERS, COINCIDE = 1.3, 1.5, 0.6
+_LASTING, _HELD, ANSWERS, COINCIDE = 1.3, 1.05, 1.5, 0.6
 _TWINS = 0.9
 """Correlation of drivers that say the same: two pyranometers of one sun, a wind and its gusts."""
 _SHAKEN = 1.5
@@ -83,7 +83,7 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
         near = [other for other in rivals if other.rmse_degC <= each.rmse_degC * much]
         if not near and (clock or _halves(before, each)):
             return each
-        if known_good(before) and _leaps(each) and all(_jumps_beside(each, other.fitted) for other in near):
+        if _leaps(each) and all(leaves_a_leap(each, other) for other in near):
             return each
     # another temperature that is logged may answer to the same cause: it has to explain much more
     given = [each for each in physical if not each.mechanism.responds]
@@ -124,7 +124,9 @@ def _lasting(first: Trial, ordered: Sequence[Trial], driven: Sequence[Trial]) ->
         return first
     error = float(np.sqrt(first.fitted.combed.sum()))
     logged = (each for each in driven if _answers_to(first, each))
-    alike = (each for each in ordered if each.lasting and np.sqrt(each.fitted.combed.sum()) < _LASTING * error)
+    # what has changed since known-good records mostly did so while this one was logged
+    most = (_HELD if known_good(first.fitted) else _LASTING) * error
+    alike = (each for each in ordered if each.lasting and np.sqrt(each.fitted.combed.sum()) < most)
     return next(logged, next(alike, first))
 
 
@@ -166,12 +168,17 @@ def _jumps(trial: Trial) -> bool:
     return not trial.mechanism.sudden or _jumps_beside(trial, trial.fitted)
 
 
+def leaves_a_leap(fault: Trial, other: Trial) -> bool:
+    """Whether readings leap where an offset of a sensor begins and ends, and still do in what another trial leaves."""
+    return _leaps(fault) and _jumps_beside(fault, other.fitted)
+
+
 def _leaps(trial: Trial) -> bool:
-    """Whether an offset of one sensor begins or ends within the records, and readings jump there as nowhere else."""
+    """Whether an offset of one sensor that was good begins or ends within the records, and readings jump there."""
     mechanism = trial.mechanism
-    if mechanism.cause != "sensor_bias" or len(mechanism.places) != 1 or not _edges(mechanism, trial.fitted.records):
+    if mechanism.cause != "sensor_bias" or len(mechanism.places) != 1 or not known_good(trial.fitted):
         return False
-    return _jumps_beside(trial, trial.fitted)
+    return bool(_edges(mechanism, trial.fitted.records)) and _jumps_beside(trial, trial.fitted)
 
 
 def _jumps_beside(trial: Trial, fitted: Fitted) -> bool:
