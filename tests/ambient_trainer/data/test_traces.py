@@ -55,12 +55,13 @@ def test_a_step_is_recognised(step, seed):
     assert resolution_of(values) == step
 
 
-def test_what_has_no_step_has_none_and_a_trace_is_rounded_where_asked():
+def test_what_has_no_step_has_none_and_a_trace_is_coarse_where_asked_half_way_between_rounded_and_truncated():
     assert resolution_of(np.random.default_rng(1).uniform(-40, 90, 300)) == 0.0
-    trace = Trace("t", np.arange(3.0), {"a_degC": np.array([1.2, 1.6, np.nan]), "b_degC": np.array([1.2, 1.6, 2.4])})
+    a = np.array([1.0, 1.2, 1.3, 1.4, -1.3, -1.4, np.nan])
+    trace = Trace("t", np.arange(7.0), {"a_degC": a, "b_degC": a + 1})
     coarse = with_resolution(trace, {"a_degC": 0.5})
-    assert coarse.columns["a_degC"][:2].tolist() == [1.0, 1.5]
-    assert np.isnan(coarse.columns["a_degC"][2])
+    assert coarse.columns["a_degC"][:6].tolist() == [1.0, 1.0, 1.0, 1.5, -1.0, -1.5]
+    assert np.isnan(coarse.columns["a_degC"][6])
     assert coarse.columns["b_degC"] is trace.columns["b_degC"]
 
 

@@ -134,7 +134,7 @@ def fit(
     zones : mapping of str to str, optional
         The thermal zone's type by input name, where it is not the name.
     resolution : mapping of str to float, optional
-        The device's steps in degC by sensor, where it reads coarser than the log: training rounds the log to them.
+        The device's steps in degC by sensor, where it reads coarser than the log: training reads the log in them.
     effort : Effort, optional
         Starts, seed, pieces and budget of the search.
     progress : callable, optional

@@ -1,6 +1,7 @@
 """A sensor's resolution and noise: recognised in what it has read; or a resolution imposed on a finer log.
 
-Readings are taken as rounded to the next multiple of the step.
+A device that rounds reads on average half a step further from 0 than one that truncates, and no reading shows which it
+does. A log is made coarse half way between both, so that an estimate errs by a quarter of a step on either.
 """
 
 import math
@@ -41,12 +42,14 @@ def rounded(values: Array, step: float) -> Array:
 
 
 def with_resolution(trace: Trace, steps: Mapping[str, float]) -> Trace:
-    """``trace`` as a device logs it whose sensors (trace columns) have these steps.
+    """``trace`` as a device logs it whose sensors (trace columns) have these steps, half way between both.
 
     Raises :class:`Refused` for a column that the trace lacks, and a step that is not above 0.
     """
+    coarse = {}
     for name, step in steps.items():
         if not 0 < step < np.inf:
             raise refuse("--resolution", name, f"{step:g} is no step", "name one above 0, in degC")
-    coarse = {name: rounded(trace.column(name), step) for name, step in steps.items()}
+        count = trace.column(name) / step
+        coarse[name] = step * np.trunc(count + np.copysign(0.25, count))
     return replace(trace, columns={**trace.columns, **coarse})
