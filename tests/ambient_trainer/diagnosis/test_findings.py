@@ -57,19 +57,26 @@ def sure(chosen: Trial, *others: Trial, also: Sequence[Trial] = ()) -> float:
 
 def test_who_is_a_rival_another_driver_unless_it_is_there_too_or_goes_along_all_the_time():
     random = np.random.default_rng(3)
-    fan = random.uniform(500, 900, 200)
-    records = logged(fan_rpm=fan, twin_rpm=1.1 * fan + random.normal(0, 20, 200), load_frac=random.random(200))
+    lamp = random.uniform(500, 900, 200)
+    records = logged(lamp_lux=lamp, twin_lux=1.1 * lamp + random.normal(0, 20, 200), load_frac=random.random(200))
 
     def trial(driver: str, **further: tuple[float, float]) -> Trial:
         return tried(heat(driver, board=(1, 1), **further), records)
 
-    chosen, load = trial("fan_rpm"), trial("load_frac")
-    alike = [trial("fan_rpm^2"), trial("fan_rpm", lid=(1, 1)), trial("twin_rpm")]
+    chosen, load = trial("lamp_lux"), trial("load_frac")
+    alike = [trial("lamp_lux^2"), trial("lamp_lux", lid=(1, 1)), trial("twin_lux")]
     assert sure(chosen, *alike) > 0.9
     assert sure(chosen, *alike, load) < 0.5
     assert sure(chosen, *alike, load, also=[load]) > 0.9
     rivals = [each.mechanism.driver.text for each in (*alike, load) if _rival(each, chosen)]
-    assert rivals == ["fan_rpm^2", "twin_rpm"]
+    assert rivals == ["lamp_lux^2", "twin_lux"]
+
+
+@pytest.mark.parametrize(("beside", "doubted"), [("current_A", True), ("air_hPa", False)])
+def test_heat_by_a_speed_is_not_sure_where_a_current_is_logged(beside, doubted):
+    draw = np.random.default_rng()
+    records = logged(**{name: draw.random(200) for name in ("motor_rpm", beside)})
+    assert (sure(tried(heat("motor_rpm", board=(1, 1)), records)) < 0.61) == doubted
 
 
 @pytest.mark.parametrize("heated", ["board", "lid"])

@@ -73,13 +73,9 @@ def test_a_flow_stands_for_what_it_brings(driver, doubtful):
 
 def test_an_offset_that_leaps_is_no_heat_though_more_has_changed(circuit, simulated, seed):
     """Since known-good records the wind has begun to cool, which alone keeps heat near the error that is left."""
-    draw = np.random.default_rng(seed)
-    good = simulated(seed, heat_W=lambda now, _: 0.8 * now["current_A"])
-    changed = simulated(
-        seed + 1,
-        heat_W=lambda now, _: 0.8 * now["current_A"],
-        conductance_W_K=lambda now, _: 0.4 + 0.02 * now["wind_m_s"],
-    )
+    draw, heated = np.random.default_rng(seed), {"heat_W": lambda now, _: 0.8 * now["current_A"]}
+    good = simulated(seed, **heated)
+    changed = simulated(seed + 1, **heated, conductance_W_K=lambda now, _: 0.4 + 0.02 * now["wind_m_s"])
     begins, offset_K = int(draw.integers(300, 900)), draw.choice([-1, 1]) * draw.uniform(0.5, 0.8)
     read = changed.columns["board_degC"] + offset_K * (np.arange(len(changed.time_s)) >= begins)
     found = diagnose(circuit, [replace(changed, columns={**changed.columns, "board_degC": read})], [good])

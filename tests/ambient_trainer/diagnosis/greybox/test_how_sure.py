@@ -106,15 +106,3 @@ def test_heat_that_wanders_is_surely_no_heat_for_a_while(circuit, simulated, see
     trace = simulated(seed, heat_W=lambda now, degC: np.interp(now["time_s"], 30.0 * np.arange(1200), heat_W))
     windows = [each for each in diagnose(circuit, [trace]).steps if (each.onset_s, each.end_s) != (None, None)]
     assert all(each.confidence < 0.61 for each in windows if each.cause.signal is None), seed
-
-
-@pytest.mark.parametrize("power", ["current_A", None])
-def test_heat_by_a_speed_is_not_sure_where_a_current_is_logged(circuit, simulated, seed, power):
-    trace = simulated(seed, heat_W=lambda now, degC: 0.004 * now["sun_W_m2"])
-    columns = {
-        name: row for name, row in trace.columns.items() if name not in ("sun_W_m2", "current_A", "humidity_frac")
-    }
-    columns |= {"motor_rpm": trace.columns["sun_W_m2"]} | ({power: trace.columns[power]} if power else {})
-    step = diagnose(circuit, [replace(trace, columns=columns)]).verdict
-    assert (step.cause.name, step.cause.signal) == ("heat_source", "motor_rpm"), seed
-    assert (step.confidence > 0.8) is (power is None), seed

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 from ambient_trainer.circuits.circuit import Addition
@@ -212,41 +211,10 @@ def test_a_heater_with_a_body_of_its_own_is_late_by_a_lag(circuit, simulated, se
     assert len(steps) == 1
 
 
-def lamp(seed):
-    """A plate under a lamp whose voltage is logged; it radiates, and warms a body behind it."""
-    draw = np.random.default_rng(seed)
-    time_s = np.arange(0.0, 2400.0, 2.0)
-    levels_V, factors = draw.uniform(2.0, 10.0, 12), draw.uniform(0.9, 1.1, 4)
-
-    def lamp_V(now_s):
-        return levels_V[(now_s // 200.0).astype(int)]
-
-    def slope(now_s, degC):
-        radiated_W = 1.5e-9 * factors[0] * ((degC[0] + 273.15) ** 4 - 298.15**4)
-        inward_W = 0.35 * factors[1] * (degC[1] - degC[0])
-        lost_W = radiated_W + 0.15 * factors[3] * (degC[0] - 25.0)
-        return [(1.9 * factors[2] * lamp_V(np.array(now_s)) ** 2 - lost_W + inward_W) / 60.0, -inward_W / 60.0]
-
-    solved = solve_ivp(slope, (0.0, time_s[-1]), [129.0, 95.0], t_eval=time_s, max_step=2.0)
-    read_degC = solved.y[0] + draw.normal(0, 0.2, len(time_s))
-    columns = {"board_degC": read_degC, "ambient_degC": np.full(len(time_s), 25.0), "lamp_V": lamp_V(time_s)}
-    return Trace("lamp.csv", time_s, columns)
-
-
-@pytest.mark.parametrize("seed", [5, pytest.param(4, marks=pytest.mark.slow), pytest.param(1, marks=pytest.mark.slow)])
-def test_a_voltage_heats_by_its_square_though_it_does_better_by_itself_till_a_mass_is_there(circuit, seed):
-    """With the mass, in one of these only together."""
-    steps = diagnose(circuit, [lamp(seed)]).steps
-    assert steps[0].cause == Cause("heat_source", "board", "lamp_V^2")
-    sure = {each.cause.name for each in steps if each.confidence > 0.7}
-    assert sure <= {"heat_source", "thermal_mass", "convection_law"}
-
-
 def test_what_is_no_finding_keeps_no_pair_away(circuit, simulated, recorded, monkeypatch):
     """Beside a current a window seems to do best, but would never be taken: its square and constant heat do better."""
-    bare = bare_fit(
-        GreyBox.of(circuit), recorded(simulated(5, heat_W=lambda now, degC: 1.5 + 0.8 * now["current_A"] ** 2))
-    )
+    trace = simulated(5, heat_W=lambda now, degC: 1.5 + 0.8 * now["current_A"] ** 2)
+    bare = bare_fit(GreyBox.of(circuit), recorded(trace))
 
     def tried(before, driver=None, onset_s=None):
         number = Number("heat_board", "W", 0.1)
@@ -260,7 +228,7 @@ def test_what_is_no_finding_keeps_no_pair_away(circuit, simulated, recorded, mon
 
     monkeypatch.setitem(pair.__globals__, "compared", compared)
     plain, squared = (tried(bare, driver) for driver in ("current_A", "current_A^2"))
-    steps = pair(Step(bare, plain, (plain, squared), 2), (), Limits(), lasting_candidates, lambda *given: None)
+    steps = pair(Step(bare, plain, (plain, squared), 2), (), Limits(), lambda *given: None)
     assert [each.chosen.mechanism.key[2] for each in steps] == ["current_A^2", ""]
 
 
