@@ -74,8 +74,7 @@ def test_who_is_a_rival_another_driver_unless_it_is_there_too_or_goes_along_all_
 
 @pytest.mark.parametrize(("beside", "doubted"), [("current_A", True), ("air_hPa", False)])
 def test_heat_by_a_speed_is_not_sure_where_a_current_is_logged(beside, doubted):
-    draw = np.random.default_rng()
-    records = logged(**{name: draw.random(200) for name in ("motor_rpm", beside)})
+    records = logged(**{name: np.random.default_rng().random(200) for name in ("motor_rpm", beside)})
     assert (sure(tried(heat("motor_rpm", board=(1, 1)), records)) < 0.61) == doubted
 
 

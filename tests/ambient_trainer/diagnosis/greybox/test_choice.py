@@ -78,7 +78,7 @@ def test_an_offset_that_leaps_is_no_heat_though_more_has_changed(circuit, simula
     changed = simulated(seed + 1, **heated, conductance_W_K=lambda now, _: 0.4 + 0.02 * now["wind_m_s"])
     begins, offset_K = int(draw.integers(300, 900)), draw.choice([-1, 1]) * draw.uniform(0.5, 0.8)
     read = changed.columns["board_degC"] + offset_K * (np.arange(len(changed.time_s)) >= begins)
-    found = diagnose(circuit, [replace(changed, columns={**changed.columns, "board_degC": read})], [good])
-    step = next(each for each in found.steps if each.cause.name == "sensor_bias")
+    steps = diagnose(circuit, [replace(changed, columns={**changed.columns, "board_degC": read})], [good]).steps
+    step = next(each for each in steps if each.cause.name == "sensor_bias")
     assert step.magnitude.ci95[0] < offset_K < step.magnitude.ci95[1], seed
     assert step.confidence > 0.5, seed

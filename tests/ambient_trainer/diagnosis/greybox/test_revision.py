@@ -47,5 +47,5 @@ def test_what_acts_on_a_body_neither_takes_its_place_nor_outlives_it(circuit, si
     warmed, second = begun(first, next(heat.candidates(Scene(first)))), with_body(first, "board_mass")
     tried = [replace(Trial.of(bare, each), rmse_degC=1.0, at_bounds=False) for each in (first, second, warmed)]
     assert revised([Step(bare, tried[0], tuple(tried), 3)], second, 0) is None, seed
-    alone = begun(bare, warmed.model.mechanisms[1])
-    assert revised([Step(first, tried[2], tuple(tried[1:]), 2)], alone, 0) is None, seed
+    alone, step = begun(bare, warmed.model.mechanisms[1]), Step(first, tried[2], tuple(tried[1:]), 2)
+    assert revised([step], alone, 0) is None, seed

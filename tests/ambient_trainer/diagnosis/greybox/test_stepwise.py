@@ -20,6 +20,7 @@ from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import (
     Screened,
     changed_candidates,
+    every_candidate,
     lasting_candidates,
     screen,
     shortlist,
@@ -212,9 +213,9 @@ def test_a_heater_with_a_body_of_its_own_is_late_by_a_lag(circuit, simulated, se
 
 
 def test_what_is_no_finding_keeps_no_pair_away(circuit, simulated, recorded, monkeypatch):
-    """Beside a current a window seems to do best, but would never be taken: its square and constant heat do better."""
+    """Such as a window beside a current; and a loss that begins goes with the column alone that does best by itself."""
     trace = simulated(5, heat_W=lambda now, degC: 1.5 + 0.8 * now["current_A"] ** 2)
-    bare = bare_fit(GreyBox.of(circuit), recorded(trace))
+    bare, begins = bare_fit(GreyBox.of(circuit), recorded(trace)), {}
 
     def tried(before, driver=None, onset_s=None):
         number = Number("heat_board", "W", 0.1)
@@ -222,14 +223,15 @@ def test_what_is_no_finding_keeps_no_pair_away(circuit, simulated, recorded, mon
         return Trial.of(before, fit(before.model.with_mechanism(heat), before.records))
 
     def compared(before, screened, progress):
-        if before.model.mechanisms[0].driver.text == "current_A":
-            return [replace(tried(before, onset_s=18000.0), rmse_degC=1e-3)]
-        return [tried(before)]
+        driver = before.model.mechanisms[0].driver.text
+        begins[driver] = not all(each.mechanism.lasts for each in screened)
+        return [replace(tried(before, onset_s=18000.0), rmse_degC=1e-3) if driver == "current_A" else tried(before)]
 
     monkeypatch.setitem(pair.__globals__, "compared", compared)
-    plain, squared = (tried(bare, driver) for driver in ("current_A", "current_A^2"))
-    steps = pair(Step(bare, plain, (plain, squared), 2), (), Limits(), lambda *given: None)
+    plain, *others = (tried(bare, driver) for driver in ("current_A", "current_A^2", "sun_W_m2"))
+    steps = pair(Step(bare, plain, (plain, *others), 2), (), Limits(), every_candidate, lambda *given: None)
     assert [each.chosen.mechanism.key[2] for each in steps] == ["current_A^2", ""]
+    assert begins == {"current_A": True, "current_A^2": True, "sun_W_m2": False}
 
 
 def test_a_search_ends_where_nothing_is_left(circuit, recorded):

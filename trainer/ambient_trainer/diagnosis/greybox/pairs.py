@@ -14,7 +14,7 @@ from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Limits, Step, g
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.screening import Screened, lasting_candidates, screen, shortlist
+from ambient_trainer.diagnosis.greybox.screening import Offered, Screened, lasting_candidates, screen, shortlist
 from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, compared, complexity, identified, penalised
 from ambient_trainer.diagnosis.greybox.windows import Columns
 
@@ -30,7 +30,7 @@ less, and held better later; in the fourth by 0.6, and did not."""
 Progress = Callable[[str, int, int], None]
 
 
-def pair(step: Step, beside: Sequence[Fitted], limits: Limits, said: Progress) -> list[Step]:
+def pair(step: Step, beside: Sequence[Fitted], limits: Limits, offered: Offered, said: Progress) -> list[Step]:
     """Two steps at once where one alone gains little, or nothing logged drives it: heat and the mass that stores it,
     heat by a driver and what is there without it, or that and a loss by a driver show themselves together.
 
@@ -50,7 +50,7 @@ def pair(step: Step, beside: Sequence[Fitted], limits: Limits, said: Progress) -
     total = len(firsts) + len(beside) * sum(_constant(each.mechanism) for each in firsts)
     alone = float(np.log(error)) if step.chosen is None else penalised(step.chosen)
     best: tuple[float, Trial, Trial, list[Trial]] | None = None
-    begun = chain(_beside_each(firsts, unlogged), _begun_elsewhere(step, firsts, beside))
+    begun = chain(_beside_each(firsts, chosen, offered, unlogged), _begun_elsewhere(step, firsts, beside))
     for index, (first, seconds) in enumerate(begun):
         said("try pairs", index, total)
         rivals = compared(first.fitted, shortlist(seconds), lambda done, total: None)
@@ -77,12 +77,19 @@ def _firsts(step: Step, unlogged: bool) -> list[Trial]:
     return list(begun.values())[:_PAIRED]
 
 
-def _beside_each(firsts: Sequence[Trial], unlogged: bool) -> Iterator[tuple[Trial, list[Screened]]]:
-    """Each of ``firsts``, and what may go with it all the time: with a loss that is another from some time on, a driver
-    that only goes along with what heats did better than that in two measured logs."""
+def _beside_each(
+    firsts: Sequence[Trial], chosen: Mechanism | None, offered: Offered, unlogged: bool
+) -> Iterator[tuple[Trial, list[Screened]]]:
+    """Each of ``firsts``, and what may go with it; with a loss that is another from some time on, the column alone that
+    does best by itself: any other that goes along with what heats did better in two measured logs."""
     for first in firsts:
-        screened = screen(Scene(first.fitted), lasting_candidates)
+        best = chosen is not None and _columns(first.mechanism) == _columns(chosen) != ()
+        screened = screen(Scene(first.fitted), offered if best else lasting_candidates)
         yield first, [each for each in screened if _goes_with(each.mechanism, first.mechanism, unlogged)]
+
+
+def _columns(mechanism: Mechanism) -> tuple[str, ...]:
+    return () if mechanism.driver is None else mechanism.driver.columns
 
 
 def _goes_with(second: Mechanism, first: Mechanism, unlogged: bool) -> bool:
@@ -180,7 +187,7 @@ def _constant(mechanism: Mechanism) -> bool:
 
 
 def _changes(mechanism: Mechanism) -> bool:
-    """Whether it is a loss that is another, or by a driver: what it hides looks like no heater's."""
+    """Whether it is a loss that is another for a while, or by a driver: what it hides looks like no heater's."""
     return mechanism.cause == "ambient_coupling"
 
 

@@ -90,7 +90,7 @@ def _forward(
         pairs = [each_its_own(step, limits), conducted(step)]
         # what goes with heat at several places says nothing where that is at one of them
         if not pairs[-1] and beside and (not steps or _stuck(step, limits)):
-            pairs.append(pair(step, points[1:], limits, partial(_numbered, said, len(steps) + 1)))
+            pairs.append(pair(step, points[1:], limits, offered, partial(_numbered, said, len(steps) + 1)))
         found = [(each[-1].chosen.rmse_degC, each) for each in pairs if each and each[-1].chosen]
         steps += min(found, key=itemgetter(0))[1] if found else [_compact(step) if steps else step]
         last = steps[-1].chosen
