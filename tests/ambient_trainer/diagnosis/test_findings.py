@@ -40,7 +40,7 @@ def logged(period_s: float = 1.0, **columns: np.ndarray) -> list[SimpleNamespace
     """A record of these columns."""
     samples = len(next(iter(columns.values())))
     time_s = period_s * np.arange(samples)
-    return [SimpleNamespace(signals=columns, period_s=period_s, samples=samples, time_s=time_s, weight=None)]
+    return [SimpleNamespace(signals=columns, period_s=period_s, samples=samples, time_s=time_s, known_good=False)]
 
 
 def tried(mechanism: Mechanism, records: Sequence[SimpleNamespace] = (), rmse_degC: float = 0.5) -> Trial:

@@ -204,9 +204,9 @@ def _doubtful(step: Chosen, chosen: Trial, records: Sequence[Record]) -> bool:
     # without known-good records, what nothing logged shows and that begins or ends describes more than it names; and
     # a loss that differs in the heat: of five in measured logs none was surely that
     if mechanism.driver is not None:
-        bent = mechanism.cause == "convection_law" and records[0].weight is None
+        bent = mechanism.cause == "convection_law" and not records[0].known_good
         return bent or (mechanism.cause == "heat_source" and _stands_in(mechanism.driver, records))
-    begins = not mechanism.lasts and records[0].weight is None
+    begins = not (mechanism.lasts or records[0].known_good)
     return begins or (mechanism.cause == "heat_source" and ambient_rests(records))
 
 

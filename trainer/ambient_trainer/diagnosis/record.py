@@ -54,6 +54,11 @@ class Record:
         return self.simulated.samples // self.samples
 
     @property
+    def known_good(self) -> bool:
+        """Whether it is held against known-good records, which show how each sensor's readings wander."""
+        return self.weight is not None
+
+    @property
     def weights(self) -> Array:
         """As a column (s, 1)."""
         return np.ones((len(self.sensors), 1)) if self.weight is None else self.weight[:, None]

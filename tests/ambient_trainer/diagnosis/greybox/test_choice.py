@@ -50,7 +50,7 @@ def test_one_sensor_is_blamed_where_offsets_of_all_gain_more_but_explain_little_
 def test_a_step_of_the_resolution_is_no_window_of_heat_there(step_degC, place):
     """A measured battery that reads whole degrees went from 1 to 2: heat for six seconds seemed to do that."""
     read = np.round(np.linspace(1.0, 4.0, 300) / step_degC) * step_degC
-    record = SimpleNamespace(sensors=np.array([read, np.linspace(0.0, 9.0, 300)]), weight=np.ones(2))
+    record = SimpleNamespace(sensors=np.array([read, np.linspace(0.0, 9.0, 300)]), known_good=True)
     before, window = fitted(1.0, 1.0, 1.0), trial(Heat, (place,), 0.2, 0.2, 0.2)
     for each in (before, window.fitted):
         each.records = (record,)
@@ -62,7 +62,7 @@ def test_a_step_of_the_resolution_is_no_window_of_heat_there(step_degC, place):
 @pytest.mark.parametrize("known_good", [True, False])
 def test_a_clock_is_a_likelier_cause_where_known_good_records_show_the_bodies(known_good):
     before, clock, heat = fitted(4.0, 4.0, 4.0), trial(Clock, (), 2.0, 2.0, 2.0), trial(Heat, ("skin",), 2.4, 2.4, 2.4)
-    before.records = (SimpleNamespace(weight=np.ones(2) if known_good else None),)
+    before.records = (SimpleNamespace(known_good=known_good),)
     assert choose(before, [clock, heat], 0.0) is (clock if known_good else heat)
 
 

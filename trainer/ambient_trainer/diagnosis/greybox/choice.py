@@ -79,7 +79,7 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
         clock = not each.mechanism.places
         rivals = [other for other in trials if not other.mechanism.instrument] if clock else [*physical, *driven]
         # known-good records show bodies and losses, which a clock may stand for elsewhere
-        much = _CLOCK if clock and known_good(before) else INSTRUMENT
+        much = _CLOCK if clock and before.records[0].known_good else INSTRUMENT
         near = [other for other in rivals if other.rmse_degC <= each.rmse_degC * much]
         if not near and (clock or _halves(before, each)):
             return each
@@ -125,7 +125,7 @@ def _lasting(first: Trial, ordered: Sequence[Trial], driven: Sequence[Trial]) ->
     error = float(np.sqrt(first.fitted.combed.sum()))
     logged = (each for each in driven if _answers_to(first, each))
     # what has changed since known-good records mostly did so while this one was logged
-    most = (_HELD if known_good(first.fitted) else _LASTING) * error
+    most = (_HELD if first.fitted.records[0].known_good else _LASTING) * error
     alike = (each for each in ordered if each.lasting and np.sqrt(each.fitted.combed.sum()) < most)
     return next(logged, next(alike, first))
 
@@ -176,7 +176,7 @@ def leaves_a_leap(fault: Trial, other: Trial) -> bool:
 def _leaps(trial: Trial) -> bool:
     """Whether an offset of one sensor that was good begins or ends within the records, and readings jump there."""
     mechanism = trial.mechanism
-    if mechanism.cause != "sensor_bias" or len(mechanism.places) != 1 or not known_good(trial.fitted):
+    if mechanism.cause != "sensor_bias" or len(mechanism.places) != 1 or not trial.fitted.records[0].known_good:
         return False
     return bool(_edges(mechanism, trial.fitted.records)) and _jumps_beside(trial, trial.fitted)
 
@@ -205,11 +205,6 @@ def _edges(mechanism: Mechanism, records: Sequence[Record]) -> list[tuple[int, R
         for at_s, size in ((mechanism.onset_s, amount), (mechanism.end_s, -amount))
         if at_s is not None and record.time_s[0] < at_s < record.time_s[-1]
     ]
-
-
-def known_good(fitted: Fitted) -> bool:
-    """Whether known-good records hold the circuit."""
-    return fitted.records[0].weight is not None
 
 
 def _switched(trial: Trial) -> bool:
@@ -279,7 +274,7 @@ def left_by_window(before: Fitted, after: Trial) -> float:
     What wanders by itself is always better by two levels than by one: see ``WANDERS``.
     """
     mechanism = after.mechanism
-    if mechanism.lasts or mechanism.driver is not None or mechanism.sudden or known_good(before):
+    if mechanism.lasts or mechanism.driver is not None or mechanism.sudden or before.records[0].known_good:
         return 0.0
     was, left = (
         np.sum([_slow_squares(fitted, index) for index in range(len(before.records))], axis=0)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ambient_trainer.diagnosis.greybox.choice import INSTRUMENT, LEAST_GAIN, Step, known_good
+from ambient_trainer.diagnosis.greybox.choice import INSTRUMENT, LEAST_GAIN, Step
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
@@ -64,7 +64,7 @@ def _near(step: Step) -> Iterator[Trial]:
         its = each.mechanism
         if its.lasts < mine.lasts or its.responds > mine.responds:
             continue
-        if its.instrument > mine.instrument and not known_good(step.before):
+        if its.instrument > mine.instrument and not step.before.records[0].known_good:
             continue
         if (its.driver is None and mine.driver is not None) or bodies & set(its.places):
             continue

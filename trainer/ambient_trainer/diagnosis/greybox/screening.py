@@ -169,7 +169,7 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
         windowed = ends_within(each.mechanism)
         numbers = len(each.mechanism.numbers) * each.mechanism.shaped
         # what has changed on a device that known-good records show is at one place
-        several = len(each.mechanism.places) > 1 and cause == "heat_source" and each.point.records[0].weight is None
+        several = len(each.mechanism.places) > 1 and cause == "heat_source" and not each.point.records[0].known_good
         kinds: list[tuple[str, object]] = [
             ("cause", (sum(windowed), type(each.mechanism), driver == "", numbers, several))
         ]

@@ -107,8 +107,8 @@ class HeatInTheCold(Heat):
 
 def windowed(scene: Scene) -> Iterator[Mechanism]:
     """Heat into each node, and into all, that nothing logged shows; what known-good records do not show is at one."""
-    known_good = scene.records[0].weight is not None
-    return (_heat(scene, each, None) for each in scene.groups(scene.nodes) if len(each) == 1 or not known_good)
+    groups = scene.groups(scene.nodes)
+    return (_heat(scene, each, None) for each in groups if len(each) == 1 or not scene.records[0].known_good)
 
 
 def _heating(drivers: Iterable[Expression]) -> list[Expression]:
