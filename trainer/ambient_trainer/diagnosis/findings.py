@@ -169,7 +169,7 @@ def _squares(fitted: Fitted, by_block: bool) -> Array:
 
 def _rival(trial: Trial, chosen: Trial) -> bool:
     """Whether a trial of another cause, or by a driver that goes along with the chosen one's, does nearly as well."""
-    if chosen.mechanism.evident:
+    if chosen.mechanism.evident or leaves_a_leap(chosen, trial):
         return False
     one, other = trial.mechanism, chosen.mechanism
     another = one.key != other.key and (one.cause != other.cause or _twins(one, other, chosen.fitted.records))
