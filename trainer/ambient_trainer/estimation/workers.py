@@ -6,11 +6,14 @@ One that is interrupted while it starts would print a traceback of its own: it i
 import contextlib
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from multiprocessing.resource_tracker import ensure_running
 from typing import Any
 
 from joblib import Parallel
+
+warnings.filterwarnings("ignore", r"\d+ tasks which", UserWarning, r"joblib\.")  # and are cut short by Ctrl-C
 
 
 def workers(jobs: int) -> Parallel:

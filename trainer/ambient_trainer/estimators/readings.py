@@ -210,8 +210,7 @@ def _expected_start(fit: Fit, runs: Sequence[Array], period_s: float, deviations
     noise = centring @ np.diag(deviations**2) @ centring
     inverse = np.linalg.pinv(differences @ differences.T / differences.shape[1] + noise, hermitian=True)
     rest = equilibrium(fit.system)
-    apart = _apart(fit, runs, period_s, rest)
-    return rest - apart @ differences.T @ inverse / differences.shape[1]
+    return rest - _apart(fit, runs, period_s, rest) @ differences.T @ inverse / differences.shape[1]
 
 
 def _apart(fit: Fit, runs: Sequence[Array], period_s: float, start: Array) -> Array:

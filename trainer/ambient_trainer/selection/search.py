@@ -175,8 +175,7 @@ class SearchResult:
     def recommended(self) -> SelectedSet:
         """The smallest set within one standard error of the best."""
         best = min(self.sizes, key=lambda each: each.mean_square)
-        limit = best.mean_square + best.standard_error_degC2
-        return next(each for each in self.sizes if each.mean_square <= limit)
+        return next(each for each in self.sizes if each.mean_square <= best.mean_square + best.standard_error_degC2)
 
 
 def counted(sensors: int) -> str:

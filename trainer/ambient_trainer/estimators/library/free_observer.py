@@ -121,8 +121,7 @@ def selected(tried: Sequence[Choice]) -> Choice:
 
     def good(each: Choice) -> bool:
         above = np.array(each.squares_degC2) - best
-        error = float(above.std(ddof=1)) / np.sqrt(len(above))
-        return bool(above.mean() <= max((_AS_GOOD - 1) * best.mean(), error))
+        return bool(above.mean() <= max((_AS_GOOD - 1) * best.mean(), above.std(ddof=1) / np.sqrt(len(above))))
 
     return min(filter(good, tried), key=lambda each: (each.order, -each.noise_degC, -each.offset_degC))
 
