@@ -83,7 +83,7 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
         near = [other for other in rivals if other.rmse_degC <= each.rmse_degC * much]
         if not near and (clock or _halves(before, each)):
             return each
-        if _leaps(each) and all(leaves_a_leap(each, other) for other in near):
+        if _leaps(each) and all(_jumps_beside(each, other.fitted) for other in near):
             return each
     # another temperature that is logged may answer to the same cause: it has to explain much more
     given = [each for each in physical if not each.mechanism.responds]
