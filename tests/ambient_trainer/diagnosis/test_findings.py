@@ -99,13 +99,18 @@ def test_a_clock_that_is_off_may_be_heat_by_day_where_the_ambient_is_warm_by_day
 
 
 @pytest.mark.parametrize(
-    ("off_s", "onset_s", "lasts_s", "told"),
-    [(150, 55, 90, True), (150, 10, 90, False), (900, 58, 40, True), (900, 90, 40, False), (900, 30, 40, False)],
+    ("driver", "off_s", "onset_s", "lasts_s", "told"),
+    [
+        *(("heater_on", *each) for each in ((150, 55, 90, True), (150, 10, 90, False), (900, 58, 40, True))),
+        *(("delay(heater_on, 40)", 900, each, 40, 50 < each < 90) for each in (70, 100, 30)),
+    ],
 )
-def test_a_window_is_no_rival_of_the_logged_heater_that_acts_or_was_switched_on_then(off_s, onset_s, lasts_s, told):
-    """The window of a long step is over when the heater is still on."""
+def test_a_window_is_no_rival_of_the_logged_heater_that_acts_or_was_switched_on_then(
+    driver, off_s, onset_s, lasts_s, told
+):
+    """The window of a long step is over when the heater is still on, and one that acts late was switched on before."""
     time_s = np.arange(400.0)
-    chosen = tried(heat("heater_on", board=(1, 1)), logged(heater_on=1.0 * ((time_s > 50) & (time_s < off_s))))
+    chosen = tried(heat(driver, board=(1, 1)), logged(heater_on=1.0 * ((time_s > 50) & (time_s < off_s))))
     window = replace(heat(None, board=(1, 1)), onset_s=onset_s, end_s=onset_s + lasts_s)
     assert (sure(chosen, replace(chosen, mechanism=window, rmse_degC=0.3)) > 0.9) == told
 

@@ -36,6 +36,15 @@ def test_what_was_hidden_together_is_left_of_everything(circuit, simulated, reco
     assert all(rivals), seed
 
 
+def test_a_peltier_element_cools_by_its_current_and_warms_by_its_square(circuit, simulated, recorded):
+    seed = int(np.random.default_rng().integers(1 << 30))
+    trace = simulated(seed, heat_W=lambda now, degC: 0.9 * now["current_A"] ** 2 - 3.0 * now["current_A"] + 1.0)
+    named = {each.replace("current", "tec"): row for each, row in trace.columns.items()}
+    found = eliminated(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=named))))
+    assert found is not None, seed
+    assert {each.key[2] for each in found.model.mechanisms} == {"", "tec_A", "tec_A^2"}, seed
+
+
 def test_nothing_is_left_where_nothing_is_hidden(circuit, simulated, recorded):
     seed = int(np.random.default_rng().integers(1 << 30))
     bare = bare_fit(GreyBox.of(circuit), recorded(simulated(seed)))

@@ -13,7 +13,7 @@ from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step
 from ambient_trainer.diagnosis.greybox.mechanisms import heat, mass, path
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
-from ambient_trainer.diagnosis.greybox.scene import WARMING, Scene
+from ambient_trainer.diagnosis.greybox.scene import THERMOELECTRIC, WARMING, Scene
 from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, begins_apart, complexity, identified
 
 _HEATING = (*WARMING, "_frac", "_on", "_lux", "_A^2")
@@ -112,7 +112,7 @@ def _heats(scene: Scene) -> Iterator[Mechanism]:
     for each in heat.candidates(scene):
         text = "" if each.driver is None else each.driver.text
         plain = each.driver is None or each.driver.columns == (text.removesuffix("^2"),)
-        heats = not text or text.endswith(_HEATING)
+        heats = not text or text.endswith(_HEATING) or not THERMOELECTRIC.isdisjoint(text.split("_"))
         if each.places == tuple(scene.nodes) and type(each) is heat.Heat and plain and heats:
             yield each
 

@@ -15,7 +15,7 @@ from ambient_trainer.diagnosis.greybox.backward import score, steps_to
 from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step
 from ambient_trainer.diagnosis.greybox.mechanisms import path
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
-from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
+from ambient_trainer.diagnosis.greybox.regression import Fitted, fit_near
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, complexity, identified, penalised
 from ambient_trainer.diagnosis.record import Record
@@ -115,16 +115,11 @@ def _apart(model: GreyBox, record: Record, paths: Sequence[path.Path]) -> Iterat
 
 
 def _beside(near: Fitted, model: GreyBox, mechanism: Mechanism) -> Fitted | None:
-    return _fit(near, model.with_mechanism(mechanism), _FEW)
+    return fit_near(near, model.with_mechanism(mechanism), _FEW)
 
 
 def _ended(tree: Fitted) -> Fitted:
-    return _fit(tree, tree.model, _MANY) or tree
-
-
-def _fit(near: Fitted, model: GreyBox, most: int) -> Fitted | None:
-    starts = [run.start for run in near.runs]
-    return fit(model, near.records, starts, most=most, tolerance=1e-3, prior=near.prior)
+    return fit_near(tree, tree.model, _MANY) or tree
 
 
 def _left(fitted: Fitted) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from ambient_model.trace import split_column
 from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Limits, Step, gains, twins
 from ambient_trainer.diagnosis.greybox.model import Mechanism
-from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
+from ambient_trainer.diagnosis.greybox.regression import Fitted, fit, fit_near
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import Offered, Screened, lasting_candidates, screen, shortlist
 from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, compared, complexity, identified, penalised
@@ -129,8 +129,7 @@ def each_its_own(step: Step, limits: Limits) -> list[Step]:
     best: tuple[float, Trial, Trial, list[Trial]] | None = None
     for index, place in enumerate(mechanism.places):
         rest = mechanism.at_places([each for each in range(len(mechanism.places)) if each != index])
-        model, starts = step.before.model.with_mechanism(rest), [run.start for run in step.before.runs]
-        fitted = fit(model, step.before.records, starts, tolerance=1e-3, prior=step.before.prior)
+        fitted = fit_near(step.before, step.before.model.with_mechanism(rest))
         if fitted is None:
             continue
         first = Trial.of(step.before, fitted)

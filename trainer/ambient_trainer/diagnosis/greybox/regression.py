@@ -421,6 +421,11 @@ def fit(
     return Fitted(model, records, tuple(runs), block_of(records), base)
 
 
+def fit_near(near: Fitted, model: GreyBox, most: int = 30, tolerance: float = 1e-3) -> Fitted | None:
+    """``model`` on the records of another fit, by the same prior, begun where that one's runs begin."""
+    return fit(model, near.records, [run.start for run in near.runs], most, tolerance, near.prior)
+
+
 def _finite(runs: Sequence[Run]) -> bool:
     return all(np.isfinite(run.slopes).all() and np.isfinite(run.start_slopes).all() for run in runs)
 

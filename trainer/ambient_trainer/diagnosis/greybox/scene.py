@@ -18,6 +18,8 @@ from ambient_trainer.diagnosis.record import Record
 
 _VARIES = 0.1
 _STILL_DEGC, _MOVED_DEGC, _STILL_SAMPLES = 0.15, 1.0, 30
+COARSE = 6
+"""Levels; of readings that move, and take fewer, a step may be one of their resolution, and rest too."""
 _DWELLS, _WATER = 0.3, 0.1
 _MOST_COLUMNS = 24
 _NEAR_REST, _RESTS = 0.05, 0.2
@@ -28,8 +30,9 @@ _LEVELS, _SHORTEST_DELAY, _LONGEST_DELAY, _LONGEST_DELAY_S = 10, 6.0, 0.08, 3600
 """Samples, of the record, and what a pipe or a duct may take: a day's cycle delayed by hours is a mass."""
 _POWERS = ("_W", "_kW")
 WARMING = (*_POWERS, "_W_m2", "_kW_m2")
-_COOLERS = {"aircon", "ac", "chiller", "compressor", "cooler", "cooling", "fridge", "peltier", "tec"}
-"""Words in the name of what takes heat away by the power that it uses."""
+THERMOELECTRIC = {"peltier", "tec"}
+_COOLERS = {"aircon", "ac", "chiller", "compressor", "cooler", "cooling", "fridge", *THERMOELECTRIC}
+"""Words in the name of what takes heat away by the power that it uses, or, a Peltier element, by its current."""
 PRESSURES = ("_hPa", "_Pa", "_bar")
 """What is compressed warms by its rate; of others only the rate of a share that heats a slow body heats a fast one."""
 _SQUARED = ("_A", "_m_s", "_rpm")
@@ -237,6 +240,8 @@ class Scene:
         time_s, read = record.time_s[known], record.sensors[number, known]
         moved = read - self.fitted.residual_degC(longest)[number, known]
         first, last = _longest_still(read)
+        if 1 < len(np.unique(read)) < COARSE:
+            return None
         if last - first < _STILL_SAMPLES or np.ptp(moved[first:last]) < _MOVED_DEGC:
             return None
         onset = None if first == 0 else float(time_s[first] - record.period_s / 2)

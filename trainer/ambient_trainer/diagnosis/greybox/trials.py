@@ -13,7 +13,8 @@ from threadpoolctl import threadpool_limits
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
-from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit
+from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit, fit_near
+from ambient_trainer.diagnosis.greybox.scene import THERMOELECTRIC
 from ambient_trainer.diagnosis.greybox.screening import Screened, columns_beside, ends_within
 from ambient_trainer.diagnosis.greybox.windows import best_window, sharpened
 from ambient_trainer.diagnosis.record import Record
@@ -160,14 +161,13 @@ def _placed_again(fitted: Fitted) -> Fitted:
     """The same with the window of its last mechanism placed anew beside its other numbers, which it has moved."""
     for _ in range(_PLACED):
         model, last = fitted.model.without(len(fitted.model.mechanisms) - 1), fitted.model.mechanisms[-1]
-        starts = [run.start for run in fitted.runs]
-        beside = fit(model, fitted.records, starts, most=0, prior=fitted.prior)
+        beside = fit_near(fitted, model, most=0)
         if beside is None:
             break
         window = best_window(beside, last, columns_beside(beside), closed=all(ends_within(last)))
         if window is None or window == last or ends_within(window) != ends_within(last):
             break
-        again = fit(model.with_mechanism(window), fitted.records, starts, most=_FEW, tolerance=3e-3, prior=fitted.prior)
+        again = fit_near(fitted, model.with_mechanism(window), _FEW, tolerance=3e-3)
         if again is None or again.rmse_degC > fitted.rmse_degC:
             break
         fitted = again
@@ -232,11 +232,12 @@ def complexity(mechanism: Mechanism) -> float:
     """How much a mechanism assumes: its numbers, its driver's parts, and whether it blames an instrument."""
     text = "" if mechanism.driver is None else mechanism.driver.text
     joule = text.endswith("_A^2")
+    resistive = text.endswith("_A") and THERMOELECTRIC.isdisjoint(text.split("_"))
     driver = (
         0.5 * bool(text)
         + 1.0 * (not text and mechanism.key[0] == "heat_source" and mechanism.onset_s is None)
         + 1.0 * (mechanism.cause == "heat_source") * (len(mechanism.places) - 1)
-        + 3.0 * (text.endswith("_A") and mechanism.cause == "heat_source")
+        + 3.0 * (resistive and mechanism.cause == "heat_source")
         + 1.5 * text.count("*")
         + 0.5 * text.count("/dt")
         + 2.5 * mechanism.tuned

@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
-from ambient_trainer.diagnosis.greybox.regression import Fitted, fit, simulate
+from ambient_trainer.diagnosis.greybox.regression import Fitted, fit_near, simulate
 
 _COARSE, _FINE, _ROUNDS = 28, 4, 2
 _SHORTEST = 5
@@ -74,9 +74,7 @@ def sharpened(fitted: Fitted, index: int = -1) -> Fitted:
     twice."""
     index %= len(fitted.model.mechanisms)
     for _ in range(2):
-        starts = [run.start for run in fitted.runs]
-        model = _refined(fitted, index)
-        again = fit(model, fitted.records, starts, most=_REFITTED, tolerance=1e-3, prior=fitted.prior)
+        again = fit_near(fitted, _refined(fitted, index), _REFITTED)
         if again is None or again.rmse_degC > fitted.rmse_degC:
             break
         fitted = again
