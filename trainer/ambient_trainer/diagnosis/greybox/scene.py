@@ -110,7 +110,7 @@ class Scene:
     def other_temperatures(self) -> list[str]:
         """Logged temperatures that are neither a sensor of the circuit nor the reference."""
         known = {f"{each}_degC" for each in self.sensors} | {REFERENCE} | set(self.fitted.model.circuit.inputs)
-        return [name.removesuffix("_degC") for name in self.columns if name.endswith("_degC") and name not in known]
+        return [name.removesuffix("_degC") for name in self._logged if name.endswith("_degC") and name not in known]
 
     @cached_property
     def _logged(self) -> dict[str, Array]:
