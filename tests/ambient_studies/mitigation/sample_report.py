@@ -23,13 +23,8 @@ STANDBY_W = load_device().activities["idle"].heat_W["soc"]
 def first_order(resistance_K_W: float = 3.0, time_constant_s: float = 300.0, share: float = 0.25) -> Identified:
     """In steady state the skin is ``share`` of the sensor and the rest of the ambient; the sensor acts with the lag."""
     rate = 1.0 / time_constant_s
-    skin = StateSpace(
-        np.array([[-rate]]),
-        np.array([[share * rate, 0.0]]),
-        np.array([[1.0]]),
-        np.array([[0.0, 1.0 - share]]),
-        np.array([0.0]),
-    )
+    A, B, C, D = [[-rate]], [[share * rate, 0.0]], [[1.0]], [[0.0, 1.0 - share]]
+    skin = StateSpace(*map(np.array, (A, B, C, D, [0.0])))
     return Identified("soc", skin, "first-order", 0.1, 0.5, resistance_K_W, time_constant_s)
 
 
@@ -42,22 +37,15 @@ def constant_model(estimate_degC: float, sensor: str = "usb") -> Model:
     return Model("constant", "2024-01-01T00:00:00Z", "ambient_degC", estimator, {}, {}, conformance)
 
 
-def record_of(
-    knowledge: Knowledge,
-    watts: float,
-    skin_degC: float,
-    seed: int = 1,
-    error_degC: float | None = None,
-    trusted_until_s: float = 600.0,
-) -> Record:
+def record_of(knowledge: Knowledge, watts: float, skin_degC: float, error_degC: float | None = None) -> Record:
     """Five minutes idle at 99 degC and 50 W, then 10 min of work: skin at 30 degC, ``skin_degC`` in the last two."""
     time_s = np.arange(-300.0, 600.0)
     skin = np.where(time_s < 0, 99.0, np.where(time_s < 480, 30.0, skin_degC))
     power_W = np.where(time_s < 0, 50.0, STANDBY_W + watts)
     air = np.full(900, 20.0)
     estimate = np.full(900, np.nan) if error_degC is None else air + error_degC
-    trusted = np.full(900, error_degC is not None) & (time_s < trusted_until_s)
-    return Record(Case(Room((20.0,)), seed, knowledge), time_s, air, skin, power_W, air, estimate, trusted)
+    trusted = np.full(900, error_degC is not None)
+    return Record(Case(Room((20.0,)), 1, knowledge), time_s, air, skin, power_W, air, estimate, trusted)
 
 
 def runs(**changes: Record) -> list[Record]:
