@@ -17,23 +17,14 @@ def with_eigenvalues(*eigenvalues: complex) -> tuple[tuple[float, ...], ...]:
     return tuple(map(tuple, (T @ J @ np.linalg.inv(T)).tolist()))
 
 
+STABLE = ((0.0,), (0.5, 0.9, -0.99), (1 - 1e-7,), (1 - 1e-7, 0.3, 0.2), (rect(1 - 1e-7, 0.3), 0.2))
+UNSTABLE = ((1.0,), (-1.0, 0.1), (1.0, 0.9, 0.5), (1 + 1e-7, 0.2), (1e200, 0.1))
+UNSTABLE_PAIRS = ((rect(1.0, 0.7), 0.4), (rect(1.001, 2.0), 0.4), (rect(3.0, 1.0), 0.4))
+
+
 @pytest.mark.parametrize(
     ("eigenvalues", "stable"),
-    [
-        ((0.0,), True),
-        ((0.5, 0.9, -0.99), True),
-        ((1 - 1e-7,), True),
-        ((1 - 1e-7, 0.3, 0.2), True),
-        ((rect(1 - 1e-7, 0.3), 0.2), True),
-        ((1.0,), False),
-        ((-1.0, 0.1), False),
-        ((1.0, 0.9, 0.5), False),
-        ((1 + 1e-7, 0.2), False),
-        ((rect(1.0, 0.7), 0.4), False),
-        ((rect(1.001, 2.0), 0.4), False),
-        ((rect(3.0, 1.0), 0.4), False),
-        ((1e200, 0.1), False),
-    ],
+    [*((each, True) for each in STABLE), *((each, False) for each in UNSTABLE + UNSTABLE_PAIRS)],
 )
 def test_stability_is_that_of_the_eigenvalues(eigenvalues: tuple[complex, ...], stable: bool) -> None:
     assert is_stable(with_eigenvalues(*eigenvalues)) is stable
