@@ -114,7 +114,7 @@ def test_missing_rank_is_no_obstacle():
     end, _ = _descend(residual, _differences(residual), [0.1, 0.2, 5.0, 1.0])
     assert end.settled
     assert end.point[0] + end.point[1] == pytest.approx(0.7, abs=1e-6)
-    assert end.point[2] == 5.0
+    assert end.point[2] == pytest.approx(5.0, rel=1e-12)  # to rounding, which follows the processor
     assert end.point[3] == pytest.approx(2.0, abs=1e-6)
 
 
