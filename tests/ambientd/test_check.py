@@ -108,10 +108,7 @@ def test_an_input_that_no_zone_gives_is_refused_by_name(ambientd, make_model, sa
     assert done.stderr.startswith(f"ambientd: {path}: input cpu_power: is in W")
 
 
-POWERED = (
-    Input("inlet", "degC", "inlet", -20.0, 90.0),
-    Input("battery_current", "A", "battery_current", -5.0, 5.0),
-)
+POWERED = (Input("inlet", "degC", "inlet", -20.0, 90.0), Input("battery_current", "A", "battery_current", -5.0, 5.0))
 WHOLE = {
     "inlet": {"hwmon": "board", "label": "inlet"},
     "battery_current": {"power_supply": "bms", "property": "current_now", "sign": -1},

@@ -87,11 +87,7 @@ def test_the_path_says_which_is_meant(made, path, tmp_path):
 @pytest.mark.parametrize(
     "environment",
     [
-        {"ANDROID_SOCKET_ambientd": "999"},
-        {"ANDROID_SOCKET_ambientd": "-1"},
-        {"ANDROID_SOCKET_ambientd": "x"},
-        {"ANDROID_SOCKET_ambientd": "9" * 30},
-        {"ANDROID_SOCKET_ambientd": "0"},
+        *({"ANDROID_SOCKET_ambientd": number} for number in ("999", "-1", "x", "9" * 30, "0")),
         {"LISTEN_FDS": "1024", "LISTEN_PID": "1"},
         {"LISTEN_FDS": "1024"},
         {"LISTEN_FDS": "", "LISTEN_PID": str(os.getpid())},

@@ -46,17 +46,28 @@ def test_one_sensor_is_blamed_where_offsets_of_all_gain_more_but_explain_little_
     assert choose(before, [every, one, heat], 0.0) is one
 
 
+def with_a_window(place, step_degC, known_good):
+    """What is left without and with heat there from 100 s on, where the board reads in steps."""
+    read = np.round(np.linspace(1.0, 4.0, 300) / step_degC) * step_degC
+    record = SimpleNamespace(sensors=np.array([read, np.linspace(0.0, 9.0, 300)]), known_good=known_good)
+    before, window = fitted(1.0, 1.0, 1.0), trial(Heat, (place,), 0.2, 0.2, 0.2)
+    before.records = window.fitted.records = (record,)
+    window.mechanism, window.lasting = replace(window.mechanism, onset_s=100.0), False
+    return before, window
+
+
 @pytest.mark.parametrize(("step_degC", "place"), [(0.1, "board"), (1.0, "board"), (1.0, "skin")])
 def test_a_step_of_the_resolution_is_no_window_of_heat_there(step_degC, place):
     """A measured battery that reads whole degrees went from 1 to 2: heat for six seconds seemed to do that."""
-    read = np.round(np.linspace(1.0, 4.0, 300) / step_degC) * step_degC
-    record = SimpleNamespace(sensors=np.array([read, np.linspace(0.0, 9.0, 300)]), known_good=True)
-    before, window = fitted(1.0, 1.0, 1.0), trial(Heat, (place,), 0.2, 0.2, 0.2)
-    for each in (before, window.fitted):
-        each.records = (record,)
-    window.mechanism, window.lasting = replace(window.mechanism, onset_s=100.0), False
-    window.fitted.combed = window.fitted.held_out
+    before, window = with_a_window(place, step_degC, known_good=True)
     assert (choose(before, [window], 0.0) is window) == (step_degC < 1.0 or place == "skin")
+
+
+@pytest.mark.parametrize("known_good", [True, False])
+def test_what_begins_beside_known_good_records_lasts_only_where_that_does_about_as_well(known_good):
+    before, window = with_a_window("board", 0.1, known_good)
+    always = trial(Heat, ("board",), 0.22, 0.22, 0.22)
+    assert choose(before, [window, always], 0.0) is (window if known_good else always)
 
 
 @pytest.mark.parametrize("known_good", [True, False])
