@@ -63,7 +63,7 @@ def test_a_power_that_hardly_moves_heats_all_the_same(circuit, simulated):
 
 def test_only_a_body_carries_what_acts_on_it(circuit, simulated, recorded):
     trace = simulated(4)
-    panel = {**trace.columns, "panel_degC": trace.columns["ambient_degC"] + 5}
+    panel = {**trace.columns, "panel_degC": np.full(len(trace.time_s), 21.0)}  # a boundary, though it never moves
     scene = Scene(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=panel))))
     beside = scene.fitted.model.with_mechanism(heat("sun_W_m2", 0.1)).with_mechanism(next(path.candidates(scene)))
     assert not beside.carries(0)

@@ -11,7 +11,7 @@ from ambient_trainer.circuits.circuit import Addition
 from ambient_trainer.circuits.schema import load_circuit, parse_circuit
 from ambient_trainer.circuits.write import write_circuit
 from ambient_trainer.diagnosis.diagnose import diagnose
-from ambient_trainer.diagnosis.greybox import mechanisms
+from ambient_trainer.diagnosis.greybox import mechanisms, regression
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of, kinds
 from ambient_trainer.diagnosis.greybox.mechanisms.contact import Contact
@@ -73,6 +73,18 @@ def test_a_circuit_written_and_read_again_simulates_the_same(circuit, simulated,
     assert np.abs(one.simulate(start) - other.simulate(start)).max() < 1e-9
     bare = GreyBox.of(circuit)
     assert np.abs(one.simulate(start) - bare.network(given, bare.z()[None]).simulate(start[:, :1])).max() > 0.01
+
+
+@pytest.mark.parametrize("name", ["HiddenMass", "ZoneLoss"])
+def test_lanes_that_are_simulated_in_parts_are_the_same(circuit, simulated, recorded, name, monkeypatch):
+    (record,) = recorded(simulated(6))
+    model = GreyBox.of(circuit).with_mechanism(MECHANISMS[name])
+    z = model.z() + np.linspace(-0.2, 0.2, 5)[:, None]
+    start = np.linspace(18.0, 30.0, 5)[:, None] + np.zeros(len(model.network(record, z).nodes))
+    whole = regression.simulate(model, record, z, start)
+    monkeypatch.setattr(regression, "_LARGE", 0)
+    monkeypatch.setattr(regression, "_CACHED", 2 * record.simulated.samples * start.shape[1])
+    np.testing.assert_array_equal(regression.simulate(model, record, z, start), whole)
 
 
 def test_a_body_that_is_put_there_agrees_with_an_integrator(circuit, simulated, recorded):
