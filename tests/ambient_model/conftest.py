@@ -1,4 +1,4 @@
-"""Any valid model, for hypothesis: ``st.from_type(Model)`` and ``st.from_type(Estimator)``."""
+"""Any valid model, for hypothesis: ``st.from_type(Model)``."""
 
 import pytest
 from hypothesis import strategies as st
@@ -104,13 +104,7 @@ def models(draw: st.DrawFn) -> Model:
     )
 
 
-@st.composite
-def lone_estimators(draw: st.DrawFn) -> Estimator:
-    return draw(estimators(draw(inputs()), draw(periods)))
-
-
 st.register_type_strategy(Model, models())
-st.register_type_strategy(Estimator, lone_estimators())
 
 
 @pytest.fixture(scope="module")

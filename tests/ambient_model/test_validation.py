@@ -13,8 +13,6 @@ from ambient_model.tracking import Tracker
 from ambient_model.validation import Validation
 from refusals import refused_places
 
-LAGS_S = (60.0,)
-NAMES = ("usb", "battery", "display", "shell")
 LIMITS = SensorLimits(step=0.1, jump=1.0, gate=0.6, slow_gate=0.3, still_s=60.0, memory_s=60.0, effect_degC=0.2)
 
 
@@ -27,12 +25,12 @@ def precision_of(own: np.ndarray) -> Matrix:
 @pytest.fixture(scope="module")
 def model() -> Model:
     """It averages the sensors."""
-    inputs = tuple(Input(name, "degC", name, -45.0, 130.0) for name in NAMES)
+    inputs = tuple(Input(name, "degC", name, -45.0, 130.0) for name in ("usb", "battery", "display", "shell"))
     discrete = Discrete(1.0, (), (), ((),), ((0.25,) * 4,))
     main = Estimator(inputs, (), (discrete,), 0.0, (), {50: (-0.1, 0.1), 90: (-0.3, 0.3), 98: (-0.5, 0.5)})
     noise = np.random.default_rng(3).normal(size=(8, 8)) * 0.05
     readings = ReadingModel(
-        lags_s=LAGS_S,
+        lags_s=(60.0,),
         mean=(25.0,) * 8,
         precision=precision_of(noise @ noise.T),
         sensors=(LIMITS,) * 4,

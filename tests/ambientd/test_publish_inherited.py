@@ -18,11 +18,6 @@ AS_SYSTEMD = (
 
 
 @pytest.fixture
-def path(tmp_path):
-    return f"{tmp_path}/ambientd"
-
-
-@pytest.fixture
 def made(path):
     """A socket as init makes it: bound, with a mode of its own, and not listening."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
@@ -73,7 +68,7 @@ def test_the_path_says_which_is_meant(made, path, tmp_path):
     environment = {"ANDROID_SOCKET_ambientd": str(made.fileno())}
     assert handed_over(environment) == {path: made.fileno()}
     assert listener_at(f"{tmp_path}/other", environment) is None
-    with listener_at(f"{tmp_path}/./ambientd", environment) as listener:
+    with listener_at(f"{tmp_path}/./s", environment) as listener:
         assert listener.getsockname() == path
         assert listener.fileno() != made.fileno()  # a copy: a publication may go and come back
     for _ in range(2):

@@ -3,7 +3,6 @@
 It runs in the foreground, on files of the test's own.
 """
 
-import contextlib
 import json
 import os
 from pathlib import Path
@@ -17,21 +16,13 @@ DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 SHIPPED = DEPLOY / "thermald" / "thermal-conf.xml"
 
 
-def is_running(name):
-    for command in Path("/proc").glob("[0-9]*/comm"):
-        with contextlib.suppress(OSError):  # it has ended meanwhile
-            if command.read_text() == f"{name}\n":
-                return True
-    return False
-
-
 @pytest.fixture
 def thermald(tmp_path, program, spawn):
     """Start thermald, looking once a second, on the shipped configuration with ``paths`` in place of those in it."""
     thermald = program("thermald")
     if os.geteuid() != 0:
         pytest.skip("thermald runs as root only")
-    if is_running("thermald"):
+    if ran(program("pgrep"), "-x", "thermald", status=None).stdout:
         pytest.skip("a thermald runs here already, and a second one would end at once")
 
     def start(paths):

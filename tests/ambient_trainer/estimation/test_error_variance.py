@@ -98,10 +98,8 @@ def test_every_sample_is_held_out_once(lengths, count, gap_s):
 
 
 def test_the_gap_defaults_to_a_tenth_of_a_block_and_a_reference_in_one_block_only_is_refused():
-    first, second, third = cut_in_blocks([segment(300)], 3, None, "t.csv")
-    assert (first.first, first.start, first.stop, first.last) == (0, 0, 100, 110)
+    _, second, _ = cut_in_blocks([segment(300)], 3, None, "t.csv")
     assert (second.first, second.start, second.stop, second.last) == (90, 100, 200, 210)
-    assert (third.first, third.start, third.stop, third.last) == (190, 200, 300, 300)
     laid = segment(300)
     laid.outputs[:, 100:] = np.nan
     with pytest.raises(Refused, match="the reference fills less than two blocks"):

@@ -108,20 +108,15 @@ def test_the_search_goes_back_to_a_smaller_set():
     assert best_sets(range(8), 3, score) == [(1,), (2, 3), (1, 2, 3)]
 
 
-def masked(segments, block):
-    """The segments with the reference missing where the block forbids it."""
-    outputs = segments[block.segment].outputs.copy()
-    outputs[:, block.first : block.last] = np.nan
-    return [Segment(each.period_s, each.inputs, outputs) for each in segments]
-
-
 def test_squares_are_those_of_independent_fits(small):
     rows = list(numbered(small, ("left", "right")))
     pair = [Segment(each.period_s, each.inputs[rows], each.outputs) for each in small.segments]
     whole, squares = refitted(FreeFilter(1, pair), small.blocks, 4, 400, 60)
     assert whole.sum_of_squares == pytest.approx(search(FreeFilter(1, pair), 4, 0).best.sum_of_squares)
     for block, square in zip(small.blocks, squares):
-        alone = search(FreeFilter(1, masked(pair, block)), 4, 1).best
+        outputs = pair[0].outputs.copy()
+        outputs[:, block.first : block.last] = np.nan  # the reference is missing where the block forbids it
+        alone = search(FreeFilter(1, [replace(pair[0], outputs=outputs)]), 4, 1).best
         errors = residuals(FreeFilter(1, pair), alone)[0][0, block.start : block.stop]
         assert square == pytest.approx(np.sum(errors**2), rel=1e-4)
 

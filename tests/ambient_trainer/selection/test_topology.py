@@ -140,12 +140,3 @@ def test_an_edge_that_conducts_nothing_is_gone_and_nothing_else_changes(small, t
     np.testing.assert_allclose(
         response_degC(assemble(again, truth_of(again)).value, "first-order", u, 2.0), whole, atol=1e-2
     )
-
-
-def test_what_conducts_something_stays():
-    circuit = circuit_of(HIDDEN, TAU_S, "searched", "by a search")
-    values = values_of(circuit)
-    less, drawn = pruned(circuit, HIDDEN, values)
-    assert drawn == HIDDEN
-    assert less.edges == circuit.edges
-    assert truth_of(less) == pytest.approx(values)

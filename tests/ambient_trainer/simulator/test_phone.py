@@ -1,14 +1,11 @@
 """A simulated run: the thesis's durations, magnitudes near its own, and the same bytes from the same seed."""
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from ambient_trainer.data.trace import load_trace, save_trace
-from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator.chamber import Chamber, coloured, ramped, wobble
 from ambient_trainer.simulator.device import Zone, device_path, load_constants, load_device, rounded, with_calibrated
 from ambient_trainer.simulator.instruments import felt_weights, probe_reading, zone_reading
@@ -128,21 +125,6 @@ def test_the_air_of_a_laboratory_that_runs_is_that_of_a_run():
         live.at(second - 0.5)
         found.append(live._mean_degC)  # without draughts
     assert found[:-1] == pytest.approx(ramped(wanted, 1.0, still)[:-1], abs=1e-9)
-
-
-def test_a_lag_is_exact_between_straight_lines():
-    values = np.cumsum(np.random.default_rng(3).normal(size=40))
-    solved = [values[0]]
-    for now, then in pairwise(values):
-        exact = solve_ivp(
-            lambda t, y, now=now, then=then: (now + (then - now) * t / 2.0 - y) / 5.0,
-            (0, 2.0),
-            [solved[-1]],
-            rtol=1e-10,
-            atol=1e-12,
-        )
-        solved.append(exact.y[0, -1])
-    assert lagged(values, 5.0, 2.0) == pytest.approx(np.array(solved), abs=1e-8)
 
 
 @pytest.mark.parametrize("period_s", [1.0, 10.0])
