@@ -77,6 +77,12 @@ def test_a_clock_is_a_likelier_cause_where_known_good_records_show_the_bodies(kn
     assert choose(before, [clock, heat], 0.0) is (clock if known_good else heat)
 
 
+def test_a_window_that_is_no_finding_keeps_no_clock_away():
+    before, window = with_a_window("board", 1.0, known_good=False)
+    clock = trial(Clock, (), 0.2, 0.2, 0.2)
+    assert choose(before, [window, clock], 0.0) is clock
+
+
 @pytest.mark.parametrize(("driver", "doubtful"), [("flow_m3_s > 0.1", True), ("heater_W", False)])
 def test_a_flow_stands_for_what_it_brings(driver, doubtful):
     assert Heat(("board",), (), Expression(driver)).doubtful == doubtful

@@ -5,6 +5,7 @@ import pytest
 
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.data.trace import Trace
+from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.choice import Limits, Step, choose
 from ambient_trainer.diagnosis.greybox.conducted import conducted
@@ -18,6 +19,7 @@ from ambient_trainer.diagnosis.greybox.trials import compared
 from ambient_trainer.diagnosis.record import records
 
 from .test_places import PAIR
+from .test_unlogged_room import TIME_S, in_a_room
 
 PERIOD_S, SAMPLES, SUBSTEPS = 5.0, 400, 10
 
@@ -85,3 +87,17 @@ def test_what_is_warmed_by_another_body_has_no_heater_of_its_own(seed):
     expected = [("heat_source", ("fast",), "heater_frac"), ("path", ("fast-slow",), "")]
     assert keys(conducted(at_both(warmed_by_a_path(seed), "heater_frac"))) == expected, seed
     assert conducted(at_both(warmed(seed, ("one", "one")), "one_frac")) == [], seed
+
+
+def test_a_heater_that_was_on_once_for_a_moment_is_a_driver(circuit, seed):
+    """As where an engineer looks at an answer to a pulse: of all samples five in nine hundred."""
+    draw, heater = np.random.default_rng(seed), np.zeros(len(TIME_S))
+    at = draw.integers(100, 600)
+    heater[at : at + 5] = 0.3, 1.0, 1.0, 1.0, 0.6
+
+    def flow_W(now_s, degC):
+        return 30 * np.interp(now_s, TIME_S, heater) - 0.1 * (degC - 25.0)
+
+    trace = in_a_room(flow_W, draw, [draw.uniform(25, 35)], columns={"heater_frac": heater})
+    verdict = diagnose(circuit, [trace]).verdict_cause
+    assert (verdict.name, verdict.signal) == ("heat_source", "heater_frac"), seed

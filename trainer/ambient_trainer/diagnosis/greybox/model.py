@@ -35,6 +35,8 @@ class Number:
     high: float = np.inf
     prior_sd: float = FREE_SD
     """Of its coordinate, about where it begins."""
+    saturates: bool = False
+    """Whether all that is above its upper bound does the same: to end there says nothing against it."""
 
     @property
     def z(self) -> float:
@@ -56,7 +58,8 @@ class Number:
     @property
     def at_bound(self) -> bool:
         """Whether it stands at one of them."""
-        return any(abs(self.z - end) < 1e-6 * max(1.0, abs(end)) for end in self.range_z)
+        ends = self.range_z[: 1 if self.saturates else 2]
+        return any(abs(self.z - end) < 1e-6 * max(1.0, abs(end)) for end in ends)
 
     def at(self, z: float) -> Number:
         """The number at coordinate z."""
@@ -100,8 +103,11 @@ class Mechanism:
         """Whether something quite different reads the same."""
         return False
 
-    assumes = 0.0
-    """What it takes for granted besides its numbers."""
+    @property
+    def assumes(self) -> float:
+        """What it takes for granted besides its numbers."""
+        return 0.0
+
     stops = True
     """Whether what has begun may end: a drift that stops is a step."""
     adds_nodes = False

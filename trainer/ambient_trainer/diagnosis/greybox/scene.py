@@ -16,7 +16,8 @@ from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.regression import Fitted
 from ambient_trainer.diagnosis.record import Record
 
-_VARIES = 0.1
+_VARIES, _PULSE = 0.1, 3
+"""Of a column's greatest value; and samples in a row in which one that rests else is away from there."""
 _STILL_DEGC, _MOVED_DEGC, _STILL_SAMPLES = 0.15, 1.0, 30
 COARSE = 6
 """Levels; of readings that move, and take fewer, a step may be one of their resolution, and rest too."""
@@ -28,8 +29,7 @@ _AGAIN = 0.5
 """Of an autocorrelation: how far a peak of it stands out where a column repeats itself."""
 _LEVELS, _SHORTEST_DELAY, _LONGEST_DELAY, _LONGEST_DELAY_S = 10, 6.0, 0.08, 3600.0
 """Samples, of the record, and what a pipe or a duct may take: a day's cycle delayed by hours is a mass."""
-_POWERS = ("_W", "_kW")
-WARMING = (*_POWERS, "_W_m2", "_kW_m2")
+WARMING = ("_W", "_kW", "_W_m2", "_kW_m2")
 THERMOELECTRIC = {"peltier", "tec"}
 _COOLERS = {"aircon", "ac", "chiller", "compressor", "cooler", "cooling", "fridge", *THERMOELECTRIC}
 """Words in the name of what takes heat away by the power that it uses, or, a Peltier element, by its current."""
@@ -37,6 +37,8 @@ PRESSURES = ("_hPa", "_Pa", "_bar")
 """What is compressed warms by its rate; of others only the rate of a share that heats a slow body heats a fast one."""
 _SQUARED = ("_A", "_m_s", "_rpm")
 _ANGLES = ("_deg",)
+_FLOWS = ("_Hz", "_kg_s", "_g_s", "_m3_h", "_m3_s", "_L_min", "_L_h", "_L_s", "_l_min", "_l_h", "_l_s", "_lpm", "_gpm")
+"""A turbine meter gives pulses."""
 _CHARGES, _SHARES = ("_As", "_Ah", "_frac"), ("_frac", "_on")
 _OF_A_CURRENT = (*_CHARGES, "_V")
 """What a resistance may depend on, and what shades or switches any other heat: no other products make physics."""
@@ -120,8 +122,8 @@ class Scene:
 
     @cached_property
     def columns(self) -> list[str]:
-        """Logged columns that all records have and that vary; a power heats though it hardly does."""
-        return [name for name, row in self._logged.items() if _varies(row) or (name.endswith(_POWERS) and row.all())]
+        """Logged columns that all records have and that vary; a power, or the sun, heats though it hardly does."""
+        return [name for name, row in self._logged.items() if _varies(row) or (name.endswith(WARMING) and row.all())]
 
     @cached_property
     def drivers(self) -> list[Expression]:
@@ -164,6 +166,11 @@ class Scene:
         alike = correlate(row, row, method="fft")[len(row) - 1 :] / max(float(row @ row), 1e-300)
         peaks, _ = find_peaks(alike, prominence=_AGAIN)
         return self.period_s * float(peaks[0]) / 2 if len(peaks) else np.inf
+
+    @property
+    def flows(self) -> list[Expression]:
+        """Logged flows, which carry what a logged temperature is that of."""
+        return [each for each in self.drivers if each.columns == (each.text,) and is_flow(each.text)]
 
     @cached_property
     def known_heat(self) -> list[str]:
@@ -273,9 +280,17 @@ class Scene:
         return points
 
 
+def is_flow(column: str) -> bool:
+    """Whether a column is that of a flow, by its unit or its name."""
+    return column.endswith(_FLOWS) or "flow" in column
+
+
 def _varies(row: Array) -> bool:
     low, high = np.quantile(row, [0.02, 0.98])
-    return bool(high - low > _VARIES * np.abs(row).max() or (np.ptp(row) > 0 and len(np.unique(row)) == 2))
+    apart = np.abs(row - low) > _VARIES * np.abs(row).max()
+    # a single sample may be a fault; a heater that was on once, shortly, is an experiment
+    pulse = high == low and np.convolve(apart, np.ones(_PULSE), "valid").max(initial=0.0) == _PULSE
+    return bool(high - low > _VARIES * np.abs(row).max() or pulse or (np.ptp(row) > 0 and len(np.unique(row)) == 2))
 
 
 def _rest(row: Array) -> float | None:

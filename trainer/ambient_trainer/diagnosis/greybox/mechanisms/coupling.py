@@ -13,15 +13,13 @@ from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.mechanisms.exponent import Exponent
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.scene import Scene, is_flow
 from ambient_trainer.diagnosis.record import Record
 
 _LEAST = 0.03
 """Of a conductance: none becomes negative."""
 _MOST_LESS, _MOST_MORE, _SWEPT = 0.97, 19.0, 300.0
 """A loss goes down to next to nothing, and up to what a storm takes from still air's, or water that flows."""
-_FLOWS = ("_Hz", "_kg_s", "_g_s", "_m3_h", "_m3_s", "_L_min", "_L_h", "_L_s", "_l_min", "_l_h", "_l_s", "_lpm", "_gpm")
-"""A turbine meter gives pulses."""
 
 
 @dataclass(frozen=True)
@@ -113,8 +111,7 @@ def _coupling(
     scale = 1.0 / scene.size(driver)
     names = ["change"] if shared else [f"change_{each}" for each in places]
     least, most = scene.extent(driver)
-    flows = driver.columns[0].endswith(_FLOWS) or "flow" in driver.columns[0]
-    more = _SWEPT if flows else _MOST_MORE
+    more = _SWEPT if is_flow(driver.columns[0]) else _MOST_MORE
     low = max(-_MOST_LESS / most if most > 0 else -np.inf, more / least if least < 0 else -np.inf)
     high = min(more / most if most > 0 else np.inf, -_MOST_LESS / least if least < 0 else np.inf)
     numbers = tuple(Number(name, driver.per("1"), 0.0, scale=scale, low=low, high=high) for name in names)

@@ -13,6 +13,9 @@ from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
 
+_STEEPEST = 3.0
+"""Of hot water that evaporates; a measured boiler of steam and water fell as by 2 to 5."""
+
 
 @dataclass(frozen=True)
 class Exponent(InProportion):
@@ -65,7 +68,7 @@ def changed(scene: Scene) -> Iterator[Mechanism]:
 def candidates(scene: Scene) -> Iterator[Mechanism]:
     """Every node that is joined to the ambient, and all of them."""
     for places in scene.groups(_unchanged(scene)):
-        numbers = tuple(Number(f"exponent_{each}", "1", 0.0, low=-0.5, high=1.2) for each in places)
+        numbers = tuple(Number(f"exponent_{each}", "1", 0.0, low=-0.5, high=_STEEPEST) for each in places)
         yield Exponent(places, numbers, typical_degC=tuple(scene.difference_degC(each) for each in places))
 
 

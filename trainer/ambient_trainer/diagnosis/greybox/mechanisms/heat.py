@@ -22,7 +22,7 @@ _LEAST_PER_K, _MOST_PER_K = -0.008, 0.2
 _SPEED, _MOVES_AIR = "_m_s", {"fan", "fans", "blower", "wind", "gust", "vent", "damper"}
 """Of air, which heats nothing, and words in the name of what moves it: of eleven measured sets with such a column it
 heated in none, and in four it went along with what did."""
-_STATES = {"humidity", "moisture", "pressure"}
+_STATES = {"humidity", "rh", "moisture", "pressure"}
 """Words in the name of a state: a level of one heats nothing, though the rate of a pressure does. What hangs on a
 balloon seemed to be heated by the thin air."""
 
@@ -120,7 +120,7 @@ def _moves_air(column: str) -> bool:
 
 
 def _a_state(driver: Expression) -> bool:
-    words = {word for column in driver.columns for word in column.split("_")}
+    words = {word.rstrip("0123456789") for column in driver.columns for word in column.split("_")}
     return not driver.text.startswith("d(") and (driver.columns[0].endswith(PRESSURES) or not _STATES.isdisjoint(words))
 
 

@@ -19,6 +19,8 @@ _AIRED_S = 300.0
 """Time constant of a body that hangs in the air."""
 _SLOWEST = 30.0
 """Times the record: beyond that a body is a boundary."""
+_STAYS = 0.9
+"""Of that."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,12 @@ class HiddenMass(Mechanism):
     @property
     def structural(self) -> bool:
         return self.lasts or self.sees_ambient or len(self.places) > 1
+
+    @property
+    def assumes(self) -> float:
+        # a temperature that stays is as much taken for granted as heat that does
+        lag = self.numbers[1]
+        return float(self.lasts and lag.value > _STAYS * lag.high)
 
     @property
     def _values(self) -> Array:
@@ -110,7 +118,7 @@ def begun(scene: Scene) -> Iterator[Mechanism]:
         for lag in np.geomspace(10 * scene.period_s, scene.longest_s / 12, 2):
             mass = _mass(scene, (node,), float(lag), sees_ambient=False)
             conductance, behind = mass.numbers
-            yield replace(mass, numbers=(conductance, replace(behind, high=scene.longest_s / 3)))
+            yield replace(mass, numbers=(conductance, replace(behind, high=scene.longest_s / 3, saturates=False)))
 
 
 def _mass(scene: Scene, places: tuple[str, ...], lag_s: float, sees_ambient: bool) -> HiddenMass:
@@ -118,7 +126,8 @@ def _mass(scene: Scene, places: tuple[str, ...], lag_s: float, sees_ambient: boo
     for each in places:
         conductance = scene.conductance(each)
         joined = Number(f"G_{each}_mass", "W/K", conductance, log=True)
-        lag = Number(f"lag_{each}_mass", "s", lag_s, True, low=scene.period_s / 3, high=_SLOWEST * scene.longest_s)
+        low, high = scene.period_s / 3, _SLOWEST * scene.longest_s
+        lag = Number(f"lag_{each}_mass", "s", lag_s, True, low=low, high=high, saturates=True)
         airy = Number(f"G_{each}_mass_ambient", "W/K", conductance / 2, log=True)
         numbers += [joined, lag, airy][: 2 + sees_ambient]
     return HiddenMass(places, tuple(numbers), sees_ambient=sees_ambient)

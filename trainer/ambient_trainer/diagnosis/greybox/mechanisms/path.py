@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from ambient_trainer.circuits.addition import with_edge
 from ambient_trainer.circuits.circuit import Circuit, Node
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms import Joined
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
@@ -14,6 +15,8 @@ from ambient_trainer.diagnosis.record import Record
 
 _PROBES = 1e-3, 1.0
 """Of the conductance of the node: what a strong path does is not in proportion to what a weak one does."""
+_GIVEN = {"in", "inlet", "mains", "supply", "coolant", "chiller", "room"}
+"""Words in the name of a temperature that is given from outside, and answers to nothing that acts on a node."""
 
 
 @dataclass(frozen=True)
@@ -32,14 +35,17 @@ class Path(Joined):
         one, other = self.ends
         if other not in (*network.nodes, *network.boundaries):
             network.add_boundary(other, record.signals[f"{other}_degC"])
-        network.link(one, other, values[:, 0], None if self.lasts else self.weight(record))
+        constant = self.lasts and self.driver is None
+        network.link(one, other, values[:, 0], None if constant else self.weight(record))
 
     @property
     def responds(self) -> bool:
-        return f"{self.ends[1]}_degC" in self.logged
+        return f"{self.ends[1]}_degC" in self.logged and _GIVEN.isdisjoint(self.ends[1].split("_"))
 
     def native(self, circuit: Circuit) -> Circuit | None:
         one, other = self.ends
+        if self.driver is not None:
+            return None
         if other not in {node.name for node in circuit.nodes}:
             circuit = replace(circuit, nodes=(*circuit.nodes, Node(other, None, other)))
         return with_edge(circuit, one, other, 1.0 / self.numbers[0].value)
@@ -49,19 +55,30 @@ class Path(Joined):
 
 
 def candidates(scene: Scene) -> Iterator[Path]:
-    """Every pair of nodes that is not joined, and every node with every other logged temperature."""
+    """Every pair of nodes that is not joined, and every node with every other logged temperature, by itself or carried
+    by a logged flow."""
     for index, one in enumerate(scene.nodes):
-        for other in [*scene.nodes[index + 1 :], *scene.other_temperatures]:
+        for other in scene.nodes[index + 1 :]:
             if not scene.joined(one, other):
-                conductance = Number(f"G_{one}_{other}", "W/K", scene.conductance(one), log=True)
-                logged = (f"{other}_degC",) if other in scene.other_temperatures else ()
-                for probe in _PROBES:
-                    yield Path((f"{one}-{other}",), (conductance,), ends=(one, other), logged=logged, probe=probe)
+                yield from _paths(scene, (one, other))
+        for other in scene.other_temperatures:
+            for driver in [None, *scene.flows]:
+                if driver is not None or not scene.joined(one, other):
+                    yield from _paths(scene, (one, other), driver, logged=(f"{other}_degC",))
+
+
+def _paths(
+    scene: Scene, ends: tuple[str, str], driver: Expression | None = None, logged: tuple[str, ...] = ()
+) -> Iterator[Path]:
+    place, conductance = "-".join(ends), scene.conductance(ends[0])
+    size, unit = (1.0, "W/K") if driver is None else (scene.size(driver), driver.per("W/K"))
+    number = Number(f"G_{ends[0]}_{ends[1]}", unit, conductance / size, log=True)
+    return (Path((place,), (number,), driver, ends=ends, logged=logged, probe=each) for each in _PROBES)
 
 
 def distinct(scene: Scene) -> list[Path]:
-    """Each once."""
-    return list({each.key: each for each in candidates(scene)}.values())
+    """Each by itself once."""
+    return list({each.key: each for each in candidates(scene) if each.driver is None}.values())
 
 
 def begun(scene: Scene) -> Iterator[Mechanism]:

@@ -163,6 +163,6 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
         yield from _slow_faults(scene, sensor)
     for sensors in scene.groups(scene.sensors):
         yield _bias(sensors)
-    limit = scene.duration_s / 20
+    limit = scene.duration_s / 12
     if scene.ambient_varies:
         yield Clock((), (Number("clock", "s", 0.0, scale=scene.period_s / 2, low=-limit, high=limit),))
