@@ -4,6 +4,7 @@ import importlib
 import re
 import subprocess
 import sys
+from unittest.mock import Mock
 
 import pytest
 from click.testing import CliRunner
@@ -108,3 +109,14 @@ def test_another_package_adds_a_command_an_estimator_and_an_importer(tmp_path, m
 def test_a_new_command_is_one_file(plugged):
     plugged(importlib.import_module(COMMANDS), "greet", PLUG_IN)
     assert CliRunner().invoke(trainer, ["greet"]).output == "hello\n"
+
+
+def test_compiled_code_that_is_interrupted_is_stopped(monkeypatch, capsys):
+    """It returns with an exception set, which Python makes a SystemError of."""
+    cut = SystemError("returned a result with an exception set")
+    cut.__cause__ = KeyboardInterrupt()
+    module = importlib.import_module("ambient_trainer.cli.main")
+    monkeypatch.setattr(module, "trainer", Mock(side_effect=cut))
+    with pytest.raises(SystemExit, match="1"):
+        module.main()
+    assert capsys.readouterr().err == "ambient-trainer: stopped\n"

@@ -63,7 +63,10 @@ def main() -> None:
     except Refused as refused:
         click.echo(f"ambient-trainer: {refused}", err=True)
         sys.exit(1)
-    except (click.Abort, KeyboardInterrupt):
+    except (click.Abort, KeyboardInterrupt, SystemError) as error:
+        # of compiled code that was interrupted the cause says so
+        if isinstance(error, SystemError) and not isinstance(error.__cause__, KeyboardInterrupt):
+            raise
         click.echo("ambient-trainer: stopped", err=True)
         sys.exit(1)
     except BrokenPipeError:

@@ -4,6 +4,7 @@ One that is interrupted while it starts would print a traceback of its own: it i
 """
 
 import contextlib
+import os
 import signal
 import threading
 import warnings
@@ -14,6 +15,8 @@ from typing import Any
 from joblib import Parallel
 
 warnings.filterwarnings("ignore", r"\d+ tasks which", UserWarning, r"joblib\.")  # and are cut short by Ctrl-C
+# nor does the process that cleans up after them, which knows this one's filters by its environment alone
+os.environ.setdefault("PYTHONWARNINGS", "ignore::UserWarning:joblib.externals.loky.backend.resource_tracker")
 
 
 def workers(jobs: int) -> Parallel:
