@@ -76,11 +76,11 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
     driven = [each for each in driven if each.rmse_degC < _HALF * before.held_out_rmse_degC]
     sound = [*physical, *driven]
     # what acts for a while and is no finding says nothing against a clock
-    physics = [each for each in trials if not each.mechanism.instrument and (each.lasting or each in sound)]
+    lasting = [each for each in trials if not each.mechanism.instrument and each.lasting]
     for each in _blamed([each for each in passing if each.mechanism.instrument and not _switched(each)]):
         # a clock that is off looks like nothing else: there it is enough to do better than all physics, sound or not
         clock = not each.mechanism.places
-        rivals = physics if clock else sound
+        rivals = [*sound, *lasting] if clock else sound
         # known-good records show bodies and losses, which a clock may stand for elsewhere
         much = _CLOCK if clock and before.records[0].known_good else INSTRUMENT
         near = [other for other in rivals if other.rmse_degC <= each.rmse_degC * much]
