@@ -17,10 +17,8 @@ _PROBE = 1e-3
 _LAGS = 6
 _AIRED_S = 300.0
 """Time constant of a body that hangs in the air."""
-_SLOWEST = 30.0
-"""Times the record: beyond that a body is a boundary."""
-_STAYS = 0.9
-"""Of that."""
+_SLOWEST, _STAYS = 30.0, 0.9
+"""Times the record: beyond that a body is a boundary; and from which share of that on it is priced as one."""
 
 
 @dataclass(frozen=True)

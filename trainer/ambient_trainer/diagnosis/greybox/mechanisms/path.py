@@ -1,4 +1,5 @@
-"""A path between two nodes that the circuit does not join, or from a node to a body whose temperature is logged."""
+"""A path between two nodes that the circuit does not join, or from a node to a logged temperature: G, or g w(t)
+where a logged flow w carries it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -21,7 +22,7 @@ _GIVEN = {"in", "inlet", "mains", "supply", "coolant", "chiller", "room"}
 
 @dataclass(frozen=True)
 class Path(Joined):
-    """A conductance between ``ends``."""
+    """A conductance between ``ends``, in proportion to its driver if it has one."""
 
     ends: tuple[str, str] = ("", "")
     logged: tuple[str, ...] = ()
