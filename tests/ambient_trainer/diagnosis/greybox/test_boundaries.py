@@ -1,8 +1,10 @@
 """Second boundaries: water that flows in, whose temperature is logged, and a wall that stays as it is, which is not."""
 
 import numpy as np
+import pytest
 
 from ambient_trainer.diagnosis.diagnose import diagnose
+from ambient_trainer.diagnosis.greybox.mechanisms.path import Path
 from ambient_trainer.diagnosis.result import Cause
 
 from .test_unlogged_room import TIME_S, in_a_room
@@ -20,7 +22,6 @@ def test_a_flow_carries_what_comes_in(circuit, seed):
     columns = {"flow_L_min": flow_L_min, "water_in_degC": inlet_degC}
     step = diagnose(circuit, [in_a_room(flow_W, draw, [25.0], columns=columns)]).verdict
     assert step.cause == Cause("path", "board-water_in", "flow_L_min"), seed
-    # only ratios are known: beside the board's own loss
     assert step.confidence > 0.9, seed
 
 
@@ -32,3 +33,8 @@ def test_a_wall_that_stays_as_it_is_is_a_slow_body(circuit, simulated, seed):
     mass = next(each for each in found.steps if each.cause.name == "thermal_mass")
     assert "a constant temperature does the same" in mass.magnitude.qualifier, seed
     assert mass.confidence > 0.9, seed
+
+
+@pytest.mark.parametrize(("other", "responds"), [("water_in", False), ("room", False), ("lid", True)])
+def test_what_is_given_from_outside_answers_to_nothing(other, responds):
+    assert Path((), (), ends=("board", other), logged=(f"{other}_degC",)).responds == responds

@@ -353,12 +353,14 @@ def test_a_body_that_is_put_there_for_a_while_is_no_place_for_others(circuit, si
         assert np.isfinite(beside.model.with_mechanism(each.mechanism).z()).all(), str(each.mechanism)
 
 
-def test_a_pressure_heats_by_its_rate_alone(circuit, simulated, recorded):
+def test_a_pressure_heats_by_its_rate_alone_and_a_sun_that_hardly_moves(circuit, simulated, recorded):
     trace = simulated(3)
-    columns = {"air_hPa": 300 + 700 * np.linspace(0, 1, len(trace.time_s)) ** 2}
+    grows = np.linspace(0, 1, len(trace.time_s)) ** 2
+    columns = {"air_hPa": 300 + 700 * grows, "rh1_frac": grows, "sun_W_m2": 990 + 20 * grows}
     fitted = bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns={**trace.columns, **columns})))
     drivers = {each.driver.text for each in heat.candidates(Scene(fitted)) if each.driver is not None}
-    assert {each for each in drivers if "humidity" in each or "hPa" in each} == {"d(air_hPa)/dt"}
+    assert {each for each in drivers if "humidity" in each or "hPa" in each or "rh1" in each} == {"d(air_hPa)/dt"}
+    assert "sun_W_m2" in drivers
 
 
 def test_what_is_refined_is_taken_only_where_it_leaves_less(circuit, simulated, recorded, monkeypatch):
