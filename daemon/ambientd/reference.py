@@ -2,10 +2,10 @@
 
 Both are files that are looked at once a second: another program writes the configured one, and ``ambientd tell`` writes
 ``STATE.tell`` beside the state file. The file's modification time is the reading's. One reading counts per correlation
-time, while the status is ``tracking`` or ``degraded``, and never when it is older than configured. The answer to a
-submitted reading stands in the state file; then its file is removed.
+time, while the status is ``tracking`` or ``degraded``, and never when it is older than configured; until then the
+configured file is left alone. The answer to a submitted reading stands in the state file; then its file is removed.
 
-Sensors' own errors that are learnt go into the readings over an hour, a little each second, and into the estimate at
+Sensors' own errors that are learnt go into the readings over an hour, a little at a time, and into the estimate at
 once, as what they make of it at rest: a step in the readings would shake the filter.
 """
 
@@ -44,6 +44,8 @@ if TYPE_CHECKING:
 LARGEST_BYTES = 256
 _POLL_S = 0.95
 """Once a second at 1 Hz, too, where ticks jitter."""
+_ADVANCE_S = 10.0
+"""How often the offset is predicted: it changes over days, and what is taken off the readings over an hour."""
 _AHEAD_S = 5.0
 """How far a file's time may lie ahead of the clock."""
 _DAY_S = 86400.0
@@ -107,7 +109,7 @@ class OffsetLearner:
         self._note = note
         self._notice = Notice()
         self._wall_s = wall_s
-        self._polled_s = -math.inf
+        self._polled_s = self._advanced_s = -math.inf
         self._seen_ns: dict[str, int] = {}
         self._counted_unix_s = self._refused_unix_s = 0.0
         self._last: LastReference | None = None
@@ -137,22 +139,30 @@ class OffsetLearner:
     def update(self, time_s: float, estimate: Estimate) -> Estimate:
         """The model's estimate at ``time_s``, moved by the offset, once the files have been looked at."""
         if not 0 <= time_s - self._polled_s < _POLL_S:
-            passed_s, self._polled_s = min(time_s - self._polled_s, _DAY_S), time_s
-            self._state = predicted(self._prior, self._state, time_s)
-            if self._taken_off and passed_s > 0:
-                a = -math.expm1(-passed_s / _TAKEN_OFF_S)
-                self._taken_off = [now + a * (o - now) for now, o in zip(self._taken_off, self._sensors.degC)]
-            if (at_ns := self._changed(self._submitted)) is not None:
+            self._polled_s = time_s
+            if not 0 <= time_s - self._advanced_s < _ADVANCE_S:
+                self._advance(time_s)
+            # asked first, as an error that is raised at every look costs more than all the rest
+            if os.access(self._submitted, os.F_OK) and (at_ns := self._changed(self._submitted)) is not None:
                 self._judge(self._submitted, "degC", at_ns, estimate)
                 self.unsaved = True
-            if self._spec.path and estimate.status in LEARNING:
+            # one that was refused is not tried again and again until it passes
+            judged_unix_s = max(self._counted_unix_s, self._refused_unix_s)
+            if self._spec.path and estimate.status in LEARNING and not self._too_soon(self._wall_s(), judged_unix_s):
                 at_ns = self._changed(self._spec.path)
-                # one that was refused is not tried again and again until it passes
-                if at_ns and not self._too_soon(at_ns / 1e9, max(self._counted_unix_s, self._refused_unix_s)):
+                if at_ns and not self._too_soon(at_ns / 1e9, judged_unix_s):
                     counted = self._judge(self._spec.path, self._spec.unit, at_ns, estimate)
                     self.unsaved = self.unsaved or counted
-            self._note_report()
         return shifted(estimate, self._report.offset_degC)
+
+    def _advance(self, time_s: float) -> None:
+        """Predict the offset to ``time_s``, and take off the readings what is due by then."""
+        passed_s, self._advanced_s = min(time_s - self._advanced_s, _DAY_S), time_s
+        self._state = predicted(self._prior, self._state, time_s)
+        if self._taken_off and passed_s > 0:
+            a = -math.expm1(-passed_s / _TAKEN_OFF_S)
+            self._taken_off = [now + a * (o - now) for now, o in zip(self._taken_off, self._sensors.degC)]
+        self._note_report()
 
     def report(self) -> OffsetReport:
         """What is published of it; the same object until the files are looked at again."""
@@ -219,6 +229,7 @@ class OffsetLearner:
         return after_unix_s <= self._wall_s() + _AHEAD_S and unix_s - after_unix_s < self._spec.correlation_s
 
     def _judge(self, path: str, unit: str, at_ns: int, estimate: Estimate) -> bool:
+        self._advance(self._polled_s)
         self._seen_ns[path] = at_ns
         unix_s = at_ns / 1e9
         value = sigma = None
@@ -239,6 +250,7 @@ class OffsetLearner:
             self._note(f"reference {path}: {'counted' if counted else 'not counted'}, {outcome}")
         if counted:
             self._notice.changed(self._polled_s, False)
+        self._note_report()
         return counted
 
     def _counted(self, unix_s: float, value_degC: float, sigma_degC: float, estimate: Estimate) -> str:

@@ -143,7 +143,6 @@ class Estimator(ABC):
     """What a user calls it."""
     reads_any = True
     """Whether it reads whatever temperatures it is given; otherwise it names its own trace columns."""
-
     starts_apart = False
     """Whether a fit is no more than its best search, so that several may make them and compare the ends."""
 

@@ -108,6 +108,5 @@ def _stuck(name: str, table: pd.DataFrame, frames: Sequence[pd.DataFrame]) -> st
 
 def _sensor(name: str, columns: Sequence[pd.Series]) -> Sensor:
     known = [each.dropna().to_numpy() for each in columns]
-    levels = np.unique(np.round(np.concatenate(known), 6))
-    step = float(np.round(np.diff(levels).min(), 6))
+    step = float(np.round(np.diff(np.unique(np.round(np.concatenate(known), 6))).min(), 6))
     return Sensor(name, step, max(noise_of(known), step / np.sqrt(12)))

@@ -268,15 +268,14 @@ class _Search:
         self.data, self.pool, self.options, self.checks = data, pool, data.options, checks
         self.errors: dict[Sensors, float] = {}
         """The held-out RMSE in degC of every set that was tried."""
-        tolerance_degC = data.options.tolerance_degC
-        gathering = partial(gathered, data.segments, data.blocks, data.sensors, tolerance_degC=tolerance_degC)
+        gather = partial(gathered, data.segments, data.blocks, data.sensors, tolerance_degC=data.options.tolerance_degC)
         # over the best poles the best few sensors leave the least error
         longest_s = max(each.inputs.shape[1] for each in data.segments) * data.period_s
         offered = banks(data.options.order, data.period_s, longest_s)
         few = min(data.options.most, _POLES_BY_SENSORS)
-        errors = pool.results("fixed poles", partial(_pole_errors, gathering, len(data.sensors), few), offered)
+        errors = pool.results("fixed poles", partial(_pole_errors, gather, len(data.sensors), few), offered)
         self.poles_s = min(offered, key=lambda each: (errors[each], each))
-        self.grams: Grams = gathering(poles_s=self.poles_s)
+        self.grams: Grams = gather(poles_s=self.poles_s)
 
     def score(self, candidates: Sequence[Sensors]) -> list[float]:
         """The held-out RMSE in degC of sets of one size."""
@@ -371,9 +370,9 @@ class _Search:
         return SelectedCircuit(system, best["squares"], samples, checks_degC, circuit, less, len(fits))
 
 
-def _pole_errors(gathering: partial[Grams], sensors: int, few: int, keys: Sequence[tuple[float, ...]]) -> list[float]:
+def _pole_errors(gather: partial[Grams], sensors: int, few: int, keys: Sequence[tuple[float, ...]]) -> list[float]:
     """Per set of poles the held-out RMSE in degC of the best few of the sensors."""
-    scores = [gathering(poles_s=key).rmse_degC for key in keys]
+    scores = [gather(poles_s=key).rmse_degC for key in keys]
     return [min(score([each])[0] for each in best_sets(range(sensors), few, score)) for score in scores]
 
 
