@@ -9,6 +9,7 @@ import pytest
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.greybox.choice import choose
 from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.mechanisms.coupling import Coupling
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Clock
 from ambient_trainer.diagnosis.greybox.model import Number
@@ -83,9 +84,17 @@ def test_a_window_that_is_no_finding_keeps_no_clock_away():
     assert choose(before, [window, clock], 0.0) is clock
 
 
-@pytest.mark.parametrize(("driver", "doubtful"), [("flow_m3_s > 0.1", True), ("heater_W", False)])
-def test_a_flow_stands_for_what_it_brings(driver, doubtful):
-    assert Heat(("board",), (), Expression(driver)).doubtful == doubtful
+@pytest.mark.parametrize(
+    ("kind", "driver", "doubtful"),
+    [
+        (Heat, "flow_m3_s > 0.1", True),
+        (Heat, "heater_W", False),
+        (Coupling, "rh_frac", True),
+        (Coupling, "v_m_s", False),
+    ],
+)
+def test_a_flow_stands_for_what_it_brings_and_a_humidity_follows_the_temperature(kind, driver, doubtful):
+    assert kind(("board",), (), Expression(driver)).doubtful == doubtful
 
 
 def test_an_offset_that_leaps_is_no_heat_though_more_has_changed(circuit, simulated, seed):

@@ -20,6 +20,8 @@ _LEAST = 0.03
 """Of a conductance: none becomes negative."""
 _MOST_LESS, _MOST_MORE, _SWEPT = 0.97, 19.0, 300.0
 """A loss goes down to next to nothing, and up to what a storm takes from still air's, or water that flows."""
+_HUMIDITY = {"humidity", "rh"}
+"""Words in the name of a relative humidity, which falls where the air is warmed: an effect as well as a cause."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,10 @@ class Coupling(InProportion):
     cause = "ambient_coupling"
     noun = "a changed resistance to the ambient"
     step = 0.02
+
+    @property
+    def doubtful(self) -> bool:
+        return self.driver is not None and not _HUMIDITY.isdisjoint(self.driver.columns[0].split("_"))
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = self.weight(record)
