@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ambient_studies.discovery.cases import CAUSES, Case, baselines, draw_cases, simulated
+from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.hidden import Hidden, run_faults
 from ambient_trainer.simulator.scenario import load_scenario
 from ambient_trainer.simulator.signals import SIGNALS
@@ -48,10 +49,17 @@ def test_decoys_drive_nothing():
     assert {decoy for case in CASES for decoy in case.decoys} == set(SIGNALS)
 
 
+def test_another_device_has_its_own_scenario_and_places():
+    nodes = {*load_device("set_top_box").nodes, None}
+    drawn = draw_cases(7, 40, "set_top_box")
+    assert {case.scenario for case in drawn} == {"set_top_box"}
+    assert {each.location for case in drawn for each in case.hidden if each.cause == "thermal_mass"} < nodes
+
+
 def test_no_run_is_a_baselines_or_anothers():
     seeds = [case.seed for case in CASES]
     assert len(set(seeds)) == len(seeds)
-    one, other = baselines(7, ("2.1", "2.1"))
+    one, other = baselines(7, scenarios=("2.1", "2.1"))
     assert not np.array_equal(one.columns["usb_degC"], other.columns["usb_degC"])
     assert one.columns.keys() == other.columns.keys()
     assert not set(SIGNALS) & set(one.columns)

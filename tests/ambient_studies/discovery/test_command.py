@@ -25,7 +25,7 @@ def asked(monkeypatch):
         found.update(cases=len(cases), jobs=jobs, numbers=[case.number for case in cases[:2]])
         yield from (replace(FINISHED, case=replace(FINISHED.case, number=number)) for number in (2, 4))
 
-    def baselines(seed):
+    def baselines(seed, device):
         found["seed"] = seed
         return []
 

@@ -46,7 +46,9 @@ def step(cause, onset_s=None, value=1.0, unit="W", ci95=(0.0, 0.0), gain=(0.1, 0
 
 @pytest.fixture
 def scored():
-    return lambda truths, *steps: score(truths, 6.0, SimpleNamespace(time_s=TIME_S, steps=steps), PHONE, 1.5)
+    return lambda truths, *steps: score(
+        truths, 6.0, SimpleNamespace(time_s=TIME_S, steps=steps), PHONE, load_device(), 1.5
+    )
 
 
 def test_one_effect_is_named_by_the_first_step(scored):
@@ -128,10 +130,10 @@ def test_a_magnitude_may_be_off_by_a_quarter_or_by_its_interval(scored, true, va
 
 
 def test_places_by_the_circuits_names():
-    named = {node: place_in(PHONE, node) for node in load_device().nodes}
+    named = {node: place_in(PHONE, node, load_device()) for node in load_device().nodes}
     others = {node: name for node, name in named.items() if name != node}
     assert others == {"battery": "cell", "back": "case", "frame": "case"}
-    places = [place_in(load_circuit("model2_ss"), node) for node in ("board2", "battery", "usb", "soc")]
+    places = [place_in(load_circuit("model2_ss"), node, load_device()) for node in ("board2", "battery", "usb", "soc")]
     assert places == ["battery", "battery", "usb", "soc"]
 
 

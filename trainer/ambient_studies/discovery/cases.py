@@ -1,4 +1,4 @@
-"""The cases of the benchmark: simulated phones, most with something hidden in them; a seed and a number make a case.
+"""The cases of the benchmark: simulated devices, most with something hidden in them; a seed and a number make a case.
 
 Of 20 cases 3 hide nothing, 13 one effect and 4 two at once. Single effects go through every cause at every one of
 ``SCALES``; two are of the two larger ones, at different places, and of different causes. Every trace has decoys.
@@ -12,17 +12,19 @@ import numpy as np
 from ambient_trainer.data import Trace
 from ambient_trainer.simulator import (
     SIGNALS,
+    Device,
     Hidden,
     Simulated,
     draw_hidden,
     effect_kinds,
+    load_device,
     load_scenario,
     simulate_many,
 )
 
-SCENARIO = "5"
-"""Seven hours, with every load and air from cold to hot."""
-BASELINES = ("5", "5", "2.4")
+DEVICE, SCENARIO = "phone", "5"
+"""Seven hours, with every load and air from cold to hot; any other device has a scenario of its own name."""
+BASELINES = (SCENARIO, SCENARIO, "2.4")
 PERIOD_S = 5.0
 CAUSES = tuple(effect_kinds())
 SCALES = (0.3, 0.7, 1.5, 3.0)
@@ -44,57 +46,69 @@ class Case:
     hidden: tuple[Hidden, ...]
     decoys: tuple[str, ...]
     scenario: str = SCENARIO
+    device: str = DEVICE
 
 
-def draw_cases(seed: int, count: int) -> tuple[Case, ...]:
+def scenario_of(device: str) -> str:
+    """The scenario in which effects are hidden in a device."""
+    return SCENARIO if device == DEVICE else device
+
+
+def draw_cases(seed: int, count: int, device: str = DEVICE) -> tuple[Case, ...]:
     """The first ``count`` cases of ``seed``; more of them leave those before as they are."""
-    return tuple(_drawn(seed, number) for number in range(count))
+    return tuple(_drawn(seed, number, device) for number in range(count))
 
 
 def simulated(cases: Sequence[Case]) -> list[Simulated]:
     """The runs of cases, together in the time of one; each trace with its signals and its own decoys only."""
-    runs = [(case.scenario, case.seed, case.hidden) for case in cases]
+    asked, device = [(case.scenario, case.seed, case.hidden) for case in cases], load_device(cases[0].device)
     return [
         replace(run, trace=_logging(run.trace, case), clean=None if run.clean is None else _logging(run.clean, case))
-        for case, run in zip(cases, simulate_many(runs, PERIOD_S, SIGNALS, sizes=True))
+        for case, run in zip(cases, simulate_many(asked, PERIOD_S, SIGNALS, sizes=True, device=device))
     ]
 
 
-def baselines(seed: int, scenarios: Sequence[str] = BASELINES) -> list[Trace]:
-    """Known-good runs of the same phone, none of them with a case's seed."""
+def baselines(seed: int, device: str = DEVICE, scenarios: Sequence[str] | None = None) -> list[Trace]:
+    """Known-good runs of the same device, none of them with a case's seed."""
     random = np.random.default_rng([seed, _LARGEST_SEED])
-    return [run.trace for run in simulate_many([(name, _run_seed(random), ()) for name in scenarios], PERIOD_S)]
+    names = scenarios or (BASELINES if device == DEVICE else [device] * len(BASELINES))
+    runs = simulate_many([(name, _run_seed(random), ()) for name in names], PERIOD_S, device=load_device(device))
+    return [run.trace for run in runs]
 
 
-def _drawn(seed: int, number: int) -> Case:
+def _drawn(seed: int, number: int, device: str) -> Case:
     random = np.random.default_rng([seed, number])
     run_seed = _run_seed(random)
-    effects = _effects(number, random)
+    effects = _effects(number, random, device)
     driving = {effect.signal for effect in effects}
     idle = [name for name in SIGNALS if name not in driving]
     decoys = random.choice(idle, int(random.integers(_DECOYS[0], _DECOYS[1] + 1)), replace=False)
-    return Case(number, run_seed, effects, tuple(sorted(str(name) for name in decoys)))
+    return Case(number, run_seed, effects, tuple(sorted(str(name) for name in decoys)), scenario_of(device), device)
 
 
-def _effects(number: int, random: np.random.Generator) -> tuple[Hidden, ...]:
+def _effects(number: int, random: np.random.Generator, device: str) -> tuple[Hidden, ...]:
     wanted = _PATTERN[number % len(_PATTERN)]
     if wanted == 0:
         return ()
-    duration_s = load_scenario(SCENARIO).duration_s
+    where = load_scenario(scenario_of(device)).duration_s, load_device(device)
     if wanted == 2:
-        return next(pair for pair in _pairs(random, duration_s) if _apart(*pair))
+        return next(pair for pair in _pairs(random, where) if _apart(*pair))
     rounds, rest = divmod(number, len(_PATTERN))
     place = rounds * _PATTERN.count(1) + _PATTERN[:rest].count(1)
-    scale = SCALES[place // len(CAUSES) % len(SCALES)]
-    return (draw_hidden(random, CAUSES[place % len(CAUSES)], duration_s, scale),)
+    return (_hidden(random, CAUSES[place % len(CAUSES)], SCALES[place // len(CAUSES) % len(SCALES)], where),)
 
 
-def _pairs(random: np.random.Generator, duration_s: float) -> Iterator[tuple[Hidden, Hidden]]:
+def _hidden(random: np.random.Generator, cause: str, scale: float, where: tuple[float, Device]) -> Hidden:
+    duration_s, device = where
+    return draw_hidden(random, cause, duration_s, scale, device)
+
+
+def _pairs(random: np.random.Generator, where: tuple[float, Device]) -> Iterator[tuple[Hidden, Hidden]]:
     while True:
         one, other = random.choice(CAUSES, 2, replace=False)
         yield (
-            draw_hidden(random, str(one), duration_s, float(random.choice(_PAIR_SCALES))),
-            draw_hidden(random, str(other), duration_s, float(random.choice(_PAIR_SCALES))),
+            _hidden(random, str(one), float(random.choice(_PAIR_SCALES)), where),
+            _hidden(random, str(other), float(random.choice(_PAIR_SCALES)), where),
         )
 
 

@@ -110,7 +110,7 @@ def report_of(outcomes: Sequence[Outcome], data: Mapping[str, Any]) -> Report:
         ],
         data=data,
         footnotes=[
-            "Each case is a run of a simulated phone with an effect of its own physics, drawn from a seed that the "
+            "Each case is a run of a simulated device with an effect of its own physics, drawn from a seed that the "
             "diagnosis never sees. Intervals of shares are Wilson's, 95 %."
         ],
     )

@@ -15,7 +15,7 @@ from ambient_trainer.circuits import Circuit
 from ambient_trainer.data import Trace
 from ambient_trainer.diagnosis import KnownGood, diagnose_changed, learn_known_good
 from ambient_trainer.estimation import results, workers
-from ambient_trainer.simulator import Simulated, Truth
+from ambient_trainer.simulator import Simulated, Truth, load_device
 
 _AT_ONCE = 24
 """Runs that are simulated together."""
@@ -73,7 +73,8 @@ def diagnosed(bench: Bench, case: Case, run: Simulated) -> Done:
     started_s = time.perf_counter()
     found = diagnose_changed(bench.known, bench.circuit, [run.trace], bench.baselines)
     seconds = time.perf_counter() - started_s
-    outcome = score(run.truths, size_in_noise(bench, run), found, bench.circuit, seconds)
+    device = load_device(case.device)
+    outcome = score(run.truths, size_in_noise(bench, run), found, bench.circuit, device, seconds)
     rivals = found.steps[0].indistinguishable_from if found.steps else ()
     return Done(case, outcome, tuple(step.sentence for step in found.steps), tuple(str(each) for each in rivals))
 

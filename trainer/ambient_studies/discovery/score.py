@@ -11,7 +11,7 @@ from dataclasses import replace
 from ambient_studies.discovery.figures import Outcome
 from ambient_trainer.circuits import Circuit
 from ambient_trainer.diagnosis import Cause, Diagnosis, Step
-from ambient_trainer.simulator import Truth, load_device
+from ambient_trainer.simulator import Device, Truth
 
 ONSET_S = 120.0
 MAGNITUDE_FRAC = 0.25
@@ -21,10 +21,15 @@ _CALLED = {"battery": "cell", "back": "case", "frame": "case"}
 
 
 def score(
-    truths: Sequence[Truth], size_in_noise: float, diagnosis: Diagnosis, circuit: Circuit, seconds: float
+    truths: Sequence[Truth],
+    size_in_noise: float,
+    diagnosis: Diagnosis,
+    circuit: Circuit,
+    device: Device,
+    seconds: float,
 ) -> Outcome:
-    """What a diagnosis by ``circuit`` found of what was hidden."""
-    true = tuple(_cause(truth, circuit) for truth in truths)
+    """What a diagnosis by ``circuit`` found of what was hidden in ``device``."""
+    true = tuple(_cause(truth, circuit, device) for truth in truths)
     found = tuple(_by_column(step.cause) for step in diagnosis.steps)
     named = [cause in found for cause in true]
     correct = all(named) and (bool(true) or not found)
@@ -62,22 +67,22 @@ def magnitude_error_frac(truth: Truth, step: Step) -> float | None:
     return error if math.isfinite(error) else None
 
 
-def place_in(circuit: Circuit, simulated: str) -> str:
+def place_in(circuit: Circuit, simulated: str, device: Device) -> str:
     """The node of ``circuit`` that stands for a simulated one; the simulated name where none does."""
     read = {node.name: node.sensor for node in circuit.states}
     for name in (_CALLED.get(simulated), simulated):
         if name in read:
             return str(name)
-    sensor = load_device().sensor_of(simulated)
+    sensor = device.sensor_of(simulated)
     return next((name for name, own in read.items() if own is not None and own == sensor), simulated)
 
 
-def _cause(truth: Truth, circuit: Circuit) -> Cause:
+def _cause(truth: Truth, circuit: Circuit, device: Device) -> Cause:
     """The truth by the circuit's names, the ends of a path in the circuit's order."""
     if truth.location is None or truth.cause.startswith(_SENSOR):
         return Cause(truth.cause, truth.location, truth.signal)
     order = [node.name for node in circuit.states]
-    places = [place_in(circuit, part) for part in truth.location.split("-")]
+    places = [place_in(circuit, part, device) for part in truth.location.split("-")]
     places.sort(key=lambda place: order.index(place) if place in order else len(order))
     return Cause(truth.cause, "-".join(places), truth.signal)
 
