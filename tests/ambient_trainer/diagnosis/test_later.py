@@ -24,7 +24,7 @@ BARE, HEATED = (
 def trace():
     """A heater of 1 W, on from the start and off in the middle of what is scored; the cell starts at 30 degC."""
     heater = (TIME_S < 5000) * 1.0
-    degC = lagged(20 + 10 * heater, 500.0, PERIOD_S, start=30.0)
+    degC = lagged(20 + 10 * heater, 500.0, PERIOD_S)
     return Trace("cell.csv", TIME_S, {"cell_degC": degC, "ambient_degC": np.full(SAMPLES, 20.0), "heater_W": heater})
 
 

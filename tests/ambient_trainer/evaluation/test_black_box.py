@@ -15,7 +15,7 @@ BLOCKS = [slice(start, start + 240) for start in range(0, SAMPLES, 240)]
 @pytest.fixture(scope="module")
 def inputs():
     rng = np.random.default_rng(3)
-    ambient = 20 + lagged(rng.normal(0, 60, SAMPLES), 2000.0, PERIOD_S, start=0.0)
+    ambient = 20 + lagged(np.append(0.0, rng.normal(0, 60, SAMPLES)), 2000.0, PERIOD_S)[1:]
     current = np.repeat(rng.uniform(0, 3, SAMPLES // 40) * (np.arange(SAMPLES // 40) > 0), 40)
     wind = np.repeat(rng.uniform(0, 4, SAMPLES // 50), 50)
     return {"ambient_degC": ambient, "current_A": current, "wind_m_s": wind}
@@ -25,7 +25,7 @@ def sensors(inputs: dict[str, np.ndarray], squared: float, hidden: float) -> np.
     """Two sensors, of lags 130 s and 900 s, with heat by the current squared and by what is not logged."""
     rng = np.random.default_rng(4)
     heat = squared * inputs["current_A"] ** 2 + hidden * np.repeat(rng.uniform(-1, 1, SAMPLES // 100), 100)
-    rows = [lagged(inputs["ambient_degC"] + heat, lag_s, PERIOD_S, start=20.0) for lag_s in (130.0, 900.0)]
+    rows = [lagged(inputs["ambient_degC"] + heat, lag_s, PERIOD_S) for lag_s in (130.0, 900.0)]
     return np.array(rows) + rng.normal(0, NOISE_DEGC, (2, SAMPLES))
 
 

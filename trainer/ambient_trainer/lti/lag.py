@@ -41,14 +41,8 @@ def low_pass(values: Array, lag_s: float, period_s: float, start: Array | float)
     return np.asarray(lfilter([-math.expm1(-period_s / lag_s)], [1.0, -kept], values - start, axis=0) + start)
 
 
-def lagged(values: Array, lag_s: float, period_s: float, start: Array | float | None = None) -> Array:
-    """Response (..., N) of a lag to uniform samples (..., N); by default it is settled at the first of them.
-
-    ``start`` (..., 1) is its first value otherwise.
-    """
+def lagged(values: Array, lag_s: float, period_s: float) -> Array:
+    """Response (..., N) of a lag to uniform samples (..., N), settled at the first of them."""
     kept, before, now = lag_weights(lag_s, period_s)
     first = values[..., :1]
-    if start is None:
-        return np.asarray(lfilter([now, before], [1.0, -kept], values - first, axis=-1) + first)
-    result, _ = lfilter([now, before], [1.0, -kept], values, axis=-1, zi=start - now * first)
-    return np.asarray(result)
+    return np.asarray(lfilter([now, before], [1.0, -kept], values - first, axis=-1) + first)
