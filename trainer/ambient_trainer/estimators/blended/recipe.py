@@ -8,12 +8,12 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.trace import REFERENCE, split_column
 from ambient_trainer.circuits import Circuit, circuit_names, load_circuit
-from ambient_trainer.data.strict_yaml import Strict, load_yaml, parse_yaml, validated, wrong
+from ambient_trainer.data.strict_yaml import Strict, holds, load_yaml, parse_yaml, validated
 
 FORMAT = "ambient-observer"
 _LIBRARY = resources.files("ambient_trainer.estimators") / "library"
@@ -21,25 +21,17 @@ LOGGED, IDLE, RESIDUAL = "logged", "idle", "residual"
 """The runs of every training set, beside the patterns'."""
 
 
-def _increasing(span: tuple[float, float]) -> tuple[float, float]:
-    if not span[0] < span[1]:
-        raise wrong(f"{span[0]:g} is not below {span[1]:g}", "give the lower one first")
-    return span
-
-
-def _has_unit(column: str) -> str:
-    if not split_column(column)[1]:
-        raise wrong(f"{column!r:.60} has no unit", "name a trace column, such as soc_power_W")
-    return column
-
-
+_INCREASING = holds(lambda span: span[0] < span[1], "{0[0]:g} is not below {0[1]:g}", "give the lower one first")
+_HAS_UNIT = holds(
+    lambda column: split_column(column)[1] != "", "{!r:.60} has no unit", "name a trace column, such as soc_power_W"
+)
 _Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
-_Column = Annotated[_Name, AfterValidator(_has_unit)]
+_Column = Annotated[_Name, _HAS_UNIT]
 _Positive = Annotated[float, Field(gt=0, le=1e9)]
 _NotNegative = Annotated[float, Field(ge=0, le=1e9)]
 _Share = Annotated[float, Field(gt=0, lt=1)]
-_Span = Annotated[tuple[float, float], AfterValidator(_increasing)]
-_PositiveSpan = Annotated[tuple[_Positive, _Positive], AfterValidator(_increasing)]
+_Span = Annotated[tuple[float, float], _INCREASING]
+_PositiveSpan = Annotated[tuple[_Positive, _Positive], _INCREASING]
 _Signals = Annotated[dict[_Column, float], Field(min_length=1)]
 _Parts = dict[_Name, _NotNegative]
 _Runs = Annotated[int, Field(ge=1, le=20)]
