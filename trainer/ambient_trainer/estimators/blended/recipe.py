@@ -34,8 +34,6 @@ _Span = Annotated[tuple[float, float], _INCREASING]
 _PositiveSpan = Annotated[tuple[_Positive, _Positive], _INCREASING]
 _Signals = Annotated[dict[_Column, float], Field(min_length=1)]
 _Parts = dict[_Name, _NotNegative]
-_Runs = Annotated[int, Field(ge=1, le=20)]
-_Hours = Annotated[float, Field(ge=1, le=48)]
 
 
 class _Sensor(Strict):  # a sensor's lag behind its node, and the standard deviation of the circuit's misfit
@@ -83,9 +81,9 @@ class Work(Strict):
     busy_above: float
 
 
-class _Idle(Strict):  # how many runs of how many hours
-    runs: _Runs
-    hours: _Hours
+class _Simulated(Strict):  # how many runs of how many hours
+    runs: Annotated[int, Field(ge=1, le=20)]
+    hours: Annotated[float, Field(ge=1, le=48)]
 
 
 class Synthetic(Strict):
@@ -96,7 +94,7 @@ class Synthetic(Strict):
     settling_s: _Positive
     episode_min: _PositiveSpan
     busy: _Share
-    idle: _Idle
+    idle: _Simulated
 
 
 class _Pattern(Strict):  # variants of the heat of one use, in W per node; ``alone`` on a device that does nothing else
@@ -104,11 +102,9 @@ class _Pattern(Strict):  # variants of the heat of one use, in W per node; ``alo
     alone: bool = False
 
 
-class Unmeasured(Strict):
+class Unmeasured(_Simulated):
     """Unmeasured heat: each variant of each pattern is simulated in ``runs`` runs."""
 
-    runs: _Runs
-    hours: _Hours
     episode_min: _PositiveSpan
     pause_min: _PositiveSpan
     log_deviation: _NotNegative
