@@ -179,16 +179,9 @@ def _drawn(minutes: tuple[float, float], period_s: float, random: np.random.Gene
 
 
 _PASSES = 6
-_COMPARED_S = {LOGGED: 7.0}
-SYNTHETIC_S = 11.0
 
 TrainingSet = Mapping[str, Sequence[Segment]]
 """Runs by the name that the recipe weighs them by: the sensors, and what a filter should make of them."""
-
-
-def compared_every(name: str, period_s: float) -> int:
-    """The stride of the samples that are compared in runs of this name: neighbours repeat each other."""
-    return max(1, round(_COMPARED_S.get(name, SYNTHETIC_S) / period_s))
 
 
 @dataclass(frozen=True)

@@ -37,15 +37,8 @@ from ambient_trainer.estimators.base import (
     source_of,
 )
 from ambient_trainer.estimators.blended.forward import Forward, ForwardFit, Record
-from ambient_trainer.estimators.blended.recipe import RESIDUAL, FilterRules, Recipe, find_recipe, recipe_names
-from ambient_trainer.estimators.blended.training_set import (
-    SYNTHETIC_S,
-    TrainingSet,
-    TrainingSetDesign,
-    compared_every,
-    fit_ambient,
-    fit_workload,
-)
+from ambient_trainer.estimators.blended.recipe import LOGGED, RESIDUAL, FilterRules, Recipe, find_recipe, recipe_names
+from ambient_trainer.estimators.blended.training_set import TrainingSet, TrainingSetDesign, fit_ambient, fit_workload
 from ambient_trainer.estimators.estimate import Blended, blended
 from ambient_trainer.estimators.searched import closing_notes, fallbacks_of, filter_fit
 from ambient_trainer.lti.response import noise_gain
@@ -204,13 +197,15 @@ def _times(constants_s: Sequence[Sequence[float]]) -> str:
 _STATES = 4
 _MOST_RATIO = 20.0
 _MOST_DAMPING = 20.0
+_LOGGED_S, _SYNTHETIC_S = 7.0, 11.0
+"""One sample in so long is compared: neighbours repeat each other."""
 
 
 def recipe_filter(runs: TrainingSet, counts: Mapping[str, float], rules: FilterRules, period_s: float) -> FreeFilter:
     """The filter of four states over the runs that ``counts`` weighs, within the bounds of ``rules``."""
     weighted = []
     for name, count in counts.items():
-        stride = compared_every(name, period_s)
+        stride = max(1, round((_LOGGED_S if name == LOGGED else _SYNTHETIC_S) / period_s))
         for run in runs[name] if count else ():
             target = np.full_like(run.outputs, np.nan)
             target[:, ::stride] = run.outputs[:, ::stride]
@@ -282,7 +277,7 @@ def unseen(recipe: Recipe, fit: Fit, runs: TrainingSet) -> list[Moment]:
     for name, count in recipe.weights.interval.items():
         for run in runs[name]:
             estimate, _, apart = published(fit, run)
-            counted = np.arange(len(estimate)) % max(1, round(SYNTHETIC_S / run.period_s)) == 0
+            counted = np.arange(len(estimate)) % max(1, round(_SYNTHETIC_S / run.period_s)) == 0
             weight = count / len(runs[name]) / int(counted.sum())
             moments.append(Moment(estimate, np.where(counted, run.outputs[0], np.nan), apart, weight))
     return moments
