@@ -263,10 +263,7 @@ class _Run:
         of rounding.
         """
         here = self._evaluate(theta)
-        bounds = self.structure.search
-        wide = bounds.high - bounds.low
-        room = np.where(np.isfinite(wide), 1e-6 * wide, 0.0)
-        J = here.jacobian[:, (theta > bounds.low + room) & (theta < bounds.high - room)]
+        J = here.jacobian[:, ~self.structure.search.at_bound(theta)]
         lengths = np.linalg.norm(J, axis=0)
         J = J[:, lengths > _ROUNDING * lengths.max(initial=0.0)]
         if not J.shape[1]:

@@ -40,6 +40,11 @@ class Unknowns:
     low: Array
     high: Array
 
+    def at_bound(self, values: Array) -> NDArray[np.bool_]:
+        """Which of ``values`` (count,) lie within a millionth of the span of a bound."""
+        span = np.where(np.isfinite(self.high - self.low), self.high - self.low, 1.0)
+        return (values <= self.low + 1e-6 * span) | (values >= self.high - 1e-6 * span)
+
 
 class Structure(ABC):
     """What the search needs to know of a model; by default of one without penalty and with one meaning a theta."""

@@ -15,7 +15,7 @@ from scipy import signal, stats
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.search import Solution
-from ambient_trainer.estimation.structure import Structure, Unknowns
+from ambient_trainer.estimation.structure import Structure
 
 _NULL = 1e-8
 _INVOLVED = 0.05
@@ -50,7 +50,7 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     """The uncertainty of every unknown at ``solution``."""
     rows, errors = _rows(structure, solution)
     names = (*structure.search.names, *structure.linear.names)
-    at_bound = np.append(_at_bound(solution.theta, structure.search), _at_bound(solution.beta, structure.linear))
+    at_bound = np.append(structure.search.at_bound(solution.theta), structure.linear.at_bound(solution.beta))
     loose = np.flatnonzero(~at_bound)
     J = np.concatenate([each[:, loose] for each in rows])
     scale = np.linalg.norm(J, axis=0)
@@ -104,9 +104,3 @@ def _rows(structure: Structure, solution: Solution) -> tuple[list[Array], list[A
             rows.append(np.concatenate([slopes[:, output, known], free[:, output, known]]).T)
             errors.append(r[known])
     return rows, errors
-
-
-def _at_bound(values: Array, unknowns: Unknowns) -> NDArray[np.bool_]:
-    low, high = unknowns.low, unknowns.high
-    span = np.where(np.isfinite(high - low), high - low, 1.0)
-    return (values <= low + 1e-6 * span) | (values >= high - 1e-6 * span)
