@@ -7,7 +7,6 @@ then the best so far, marked as stopped. Who cancels holds the budget; who searc
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,13 +50,6 @@ class Budget:
         return self.cancelled or (self.evaluations is not None and evaluations >= self.evaluations)
 
 
-class End(NamedTuple):
-    """Where a descent ended, and whether it ended because nothing more was to be gained."""
-
-    point: Array
-    settled: bool
-
-
 def descend(
     evaluate: Callable[[Array], Evaluation],
     start: Array,
@@ -66,8 +58,10 @@ def descend(
     most: int,
     patience: int | None = None,
     over: Callable[[], bool] = lambda: False,
-) -> End:
+) -> tuple[Array, bool]:
     """Levenberg-Marquardt in a box: |residual|^2 over low <= point <= high with at most ``most`` evaluations.
+
+    Gives the point where it ended, and whether it settled: nothing more was to be gained.
 
     Each step solves min |J p + r|^2 + damping |D p|^2, D being the largest column lengths so far (More 1978), over the
     unknowns that no bound holds; the damping follows Nielsen 1999 (report IMM-REP-1999-05). Library methods need two to
@@ -84,14 +78,14 @@ def descend(
         square = float(here.residual @ here.residual)
         if patience is not None and evaluations >= milestone[0] + patience:
             if square > (1 - _CRAWL) * milestone[1]:
-                return End(point, settled=False)
+                return point, False
             milestone = (evaluations, square)
         gradient = here.jacobian.T @ here.residual
         loose = ~(((point <= low) & (gradient > 0)) | ((point >= high) & (gradient < 0)))
         lengths = np.maximum(lengths, np.linalg.norm(here.jacobian, axis=0))
         wanted = _step(here, lengths, loose, damping)
         if np.abs(wanted).max(initial=0.0) < _SMALLEST_STEP or _gain(here, wanted) <= _SMALLEST_GAIN * square:
-            return End(point, settled=damping < _STUCK)
+            return point, damping < _STUCK
         moved = np.clip(point + np.clip(wanted, -_LONGEST_STEP, _LONGEST_STEP), low, high)
         promised = _gain(here, moved - point)
         ratio = -1.0
@@ -104,7 +98,7 @@ def descend(
             damping, growth = max(damping * max(1 / 3, 1 - (2 * ratio - 1) ** 3), 1e-12), 2.0
         else:
             damping, growth = damping * growth, growth * 2
-    return End(point, settled=False)
+    return point, False
 
 
 def _gain(here: Evaluation, step: Array) -> float:
@@ -208,23 +202,23 @@ class _Run:
         """The end of start ``number``, from ``theta``; the best so far where the budget ends it."""
         self._begin(number)
         if not len(theta):
-            return self._closed(End(theta, settled=True))
-        end = self._descended(theta, _BEFORE_REGROUPING, _PATIENCE)
-        better = self.structure.regrouped(end.point)
-        if not self.over() and (not end.settled or not np.array_equal(better, end.point)):
-            end = self._descended(better, _MOST_EVALUATIONS, _PATIENCE)
-        return self._closed(end)
+            return self._closed(theta, settled=True)
+        end, settled = self._descended(theta, _BEFORE_REGROUPING, _PATIENCE)
+        better = self.structure.regrouped(end)
+        if not self.over() and (not settled or not np.array_equal(better, end)):
+            end, settled = self._descended(better, _MOST_EVALUATIONS, _PATIENCE)
+        return self._closed(end, settled)
 
     def finish(self, number: int) -> None:
         """Go on from the best end of all starts, patiently: what one descent may spend is spent once."""
         self._begin(number)
-        self._closed(self._descended(self.best.theta, _MOST_EVALUATIONS, None))
+        self._closed(*self._descended(self.best.theta, _MOST_EVALUATIONS, None))
 
     def _begin(self, number: int) -> None:
         self._number, self._evaluations = number, 0
         self._at: tuple[bytes, Evaluation] | None = None
 
-    def _descended(self, theta: Array, most: int, patience: int | None) -> End:
+    def _descended(self, theta: Array, most: int, patience: int | None) -> tuple[Array, bool]:
         bounds = self.structure.search
         return descend(self._evaluate, theta, bounds.low, bounds.high, most, patience, self.over)
 
@@ -246,11 +240,11 @@ class _Run:
                 self.progress(self._number, self._evaluations, self.best.sum_of_squares)
         return self._at[1]
 
-    def _closed(self, end: End) -> Solution:
+    def _closed(self, end: Array, settled: bool) -> Solution:
         if self.over():
             return self.best
-        self._evaluate(end.point)
-        converged = end.settled and self._stationary(end.point)
+        self._evaluate(end)
+        converged = settled and self._stationary(end)
         solution = replace(self._end, converged=converged, evaluations=self._evaluations)
         if solution.objective <= self.best.objective:
             self.best = solution
