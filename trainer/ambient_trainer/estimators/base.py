@@ -241,8 +241,9 @@ class Fit:
 
     @property
     def interval_degC(self) -> Quantiles:
-        """Per level in percent the training errors between which that share lies."""
-        return error_quantiles(self.errors_degC[0])
+        """Per level in percent the training errors (true minus estimate) between which that share lies."""
+        ends = [((100 - level) / 2, (100 + level) / 2) for level in LEVELS_PERCENT]
+        return dict(zip(LEVELS_PERCENT, map(tuple, np.percentile(self.errors_degC[0], ends).tolist())))
 
     def discrete(self, period_s: float) -> StateSpace:
         """The recursion at ``period_s``, exact for the fit's hold."""
@@ -265,9 +266,3 @@ class SecondaryFit(NamedTuple):
 
     fit: Fit
     threshold_degC: float
-
-
-def error_quantiles(errors_degC: Array) -> Quantiles:
-    """Per level the error (true minus estimate) between which that share of the training samples lies."""
-    ends = [((100 - level) / 2, (100 + level) / 2) for level in LEVELS_PERCENT]
-    return {level: (low, high) for level, (low, high) in zip(LEVELS_PERCENT, np.percentile(errors_degC, ends).tolist())}
