@@ -9,6 +9,7 @@ best loses edges again, as many as leave its error within 1 %.
 """
 
 import itertools
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -97,21 +98,17 @@ def without(topology: Topology, edges: Sequence[Pair]) -> Topology:
 def best_topology(sensors: Sequence[str], most_states: int, score: Score) -> Topology:
     """The topology of ``sensors`` that the steps lead to, less the edges that it can do without."""
     tried: dict[Topology, float] = {}
-
-    def noted(topologies: Sequence[Topology]) -> Sequence[float]:
-        errors = score(topologies)
-        tried.update(zip(topologies, errors))
-        return errors
-
-    for here in initial_topologies(sensors, most_states):
-        error = noted([here])[0]
-        while around := neighbours(here, most_states):
-            least, best = min(zip(noted(around), range(len(around))))
+    for start in initial_topologies(sensors, most_states):
+        around, error = [start], math.inf
+        while around:
+            errors = score(around)
+            tried.update(zip(around, errors))
+            least, best = min(zip(errors, range(len(around))))
             if least >= (1 - _GAIN) * error:
                 break
-            error, here = least, around[best]
+            error, around = least, neighbours(around[best], most_states)
     limit = (1 + _GAIN) * min(tried.values())
-    return _with_fewer_edges(min(tried, key=lambda each: (tried[each], len(each.edges))), noted, limit)
+    return _with_fewer_edges(min(tried, key=lambda each: (tried[each], len(each.edges))), score, limit)
 
 
 def _with_fewer_edges(topology: Topology, score: Score, limit_degC: float) -> Topology:
@@ -206,11 +203,9 @@ def pruned(circuit: Circuit, topology: Topology, values: Mapping[str, float]) ->
 
 def _idle(edge: Edge, circuit: Circuit, values: Mapping[str, float]) -> bool:
     """Whether the edge is a thousandth of the conductance of every state that it joins."""
-    for end in set(edge.between) & {each.name for each in circuit.states}:
-        whole = sum(1 / values[each.resistance] for each in circuit.edges if end in each.between)
-        if 1 / values[edge.resistance] > _IDLE_SHARE * whole:
-            return False
-    return True
+    ends = set(edge.between) & {each.name for each in circuit.states}
+    wholes = [sum(1 / values[each.resistance] for each in circuit.edges if end in each.between) for end in ends]
+    return all(1 / values[edge.resistance] <= _IDLE_SHARE * whole for whole in wholes)
 
 
 def _canonical(form: Form, sensors: Sequence[str], states: Sequence[str], edges: Iterable[Sequence[str]]) -> Topology:
