@@ -46,12 +46,10 @@ def blended(main_degC: Array, secondary_degC: Array, threshold_degC: float) -> B
 
 
 def _tracked(system: StateSpace, hold: Hold, columns: Sequence[str], trace: Trace, period_s: float) -> Array:
-    found, initial = discretised(system, period_s, hold), equilibrium(system)
-    first = StateSpace(found.A, found.B, found.C[:1], found.D[:1], found.offset[:1])
-    discrete = Discrete(period_s, *matrices(first))
+    discrete, initial = recursion(system, period_s, hold), equilibrium(system)
     inputs = tuple(Input(*split_column(name), split_column(name)[0], -math.inf, math.inf) for name in columns)
     names = tuple(f"x{index}" for index in range(len(initial)))
-    estimator = Estimator(inputs, names, (discrete,), float(found.offset[0]), matrix(initial), {90: (0.0, 0.0)})
+    estimator = Estimator(inputs, names, (discrete,), float(system.offset[0]), matrix(initial), {90: (0.0, 0.0)})
     tracker = Tracker(estimator, discrete)
     rows = zip(*(trace.columns[name].tolist() for name in columns))
     readings = ([None if value != value else value for value in row] for row in rows)
@@ -65,6 +63,7 @@ def matrix(values: NDArray[np.float64]) -> Matrix:
     return tuple(tuple(row) for row in values.tolist())
 
 
-def matrices(system: StateSpace) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """A, B, C and D as a model file's rows."""
-    return matrix(system.A), matrix(system.B), matrix(system.C), matrix(system.D)
+def recursion(system: StateSpace, period_s: float, hold: Hold) -> Discrete:
+    """The recursion of the first output of continuous ``system``, as a model file has it."""
+    found = discretised(system, period_s, hold)
+    return Discrete(period_s, *map(matrix, (found.A, found.B, found.C[:1], found.D[:1])))

@@ -13,11 +13,11 @@ from ambient_model import __version__
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.faults import refuse
-from ambient_model.model import Discrete, Estimator, Input, Matrix, Model, ReadingModel, Secondary
+from ambient_model.model import Estimator, Input, Matrix, Model, ReadingModel, Secondary
 from ambient_model.trace import split_column
 from ambient_trainer.data.trace import Trace, sha256_of
 from ambient_trainer.estimators.base import STATIC_LINEAR, Fit
-from ambient_trainer.estimators.estimate import matrices, matrix
+from ambient_trainer.estimators.estimate import matrix, recursion
 from ambient_trainer.lti.statespace import equilibrium
 
 DEFAULT_PERIODS_S = (0.1, 0.2, 0.5, 1.0)
@@ -74,7 +74,7 @@ def _estimator(fit: Fit, inputs: Mapping[str, Input]) -> Estimator:
     return Estimator(
         inputs=tuple(inputs[column] for column in fit.inputs),
         states=fit.states,
-        discrete=tuple(Discrete(each, *matrices(fit.discrete(each))) for each in periods_s),
+        discrete=tuple(recursion(fit.system, each, fit.hold) for each in periods_s),
         offset=float(fit.system.offset[0]),
         initial=matrix(equilibrium(fit.system)),
         interval=fit.interval_degC,
