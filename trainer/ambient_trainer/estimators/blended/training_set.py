@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 from ambient_model.faults import refuse
 from ambient_trainer.data import Array, Segment, rounded
 from ambient_trainer.estimators.blended.forward import Plant, Record
-from ambient_trainer.estimators.blended.recipe import IDLE, LOGGED, RESIDUAL, Recipe, Synthetic, Unmeasured, Work
+from ambient_trainer.estimators.blended.recipe import IDLE, LOGGED, RESIDUAL, Recipe, Synthetic, Work
 from ambient_trainer.lti.lag import low_pass
 
 _CALM_S = 3600.0
@@ -128,50 +128,6 @@ def fit_workload(records: Sequence[Record], work: Work, source: str) -> Workload
     return Workload(idling.mean(axis=1), tuple(episodes))
 
 
-def synthetic_work(
-    workload: Workload, rule: Synthetic, count: int, period_s: float, random: np.random.Generator
-) -> Array:
-    """The heat (measured, shared) of a device that works now and then, (2, count) in W.
-
-    An episode of the log, in half of the cases weakened, goes on as it ended where it is too short.
-    """
-    heat = np.repeat(workload.idle_W[:, None], count, axis=1)
-    mean_min = sum(rule.episode_min) / 2
-    pause_min = mean_min * (1 - rule.busy) / rule.busy
-    # every run holds some work
-    at = round(random.uniform(*rule.episode_min) * 60 / period_s)
-    while at < count:
-        episode = workload.episodes_W[random.integers(len(workload.episodes_W))]
-        effort = random.uniform(_LEAST_EFFORT, 1.0) if random.random() < 0.5 else 1.0
-        length = min(round(random.uniform(*rule.episode_min) * 60 / period_s), count - at)
-        kept = np.minimum(np.arange(length), episode.shape[1] - 1)
-        heat[:, at : at + length] += effort * (episode[:, kept] - workload.idle_W[:, None])
-        at += length + round((_LEAST_PAUSE_MIN + random.exponential(pause_min - _LEAST_PAUSE_MIN)) * 60 / period_s)
-    return heat
-
-
-def synthetic_heat(
-    watts: Mapping[str, float],
-    rule: Unmeasured,
-    nodes: Mapping[str, int],
-    count: int,
-    period_s: float,
-    random: np.random.Generator,
-) -> Array:
-    """Episodes of ``watts`` into the nodes, (n, count), each scaled by a log-normal factor and each node by another."""
-    heat = np.zeros((len(nodes), count))
-    at = round(random.uniform(0.0, rule.pause_min[1]) * 60 / period_s)
-    while at < count:
-        length = _drawn(rule.episode_min, period_s, random)
-        scale = np.exp(rule.log_deviation * random.standard_normal())
-        for node, watt in watts.items():
-            # so that the two factors together have a mean of 1
-            own = np.exp(rule.log_deviation * random.standard_normal() - rule.log_deviation**2)
-            heat[nodes[node], at : at + length] += watt * scale * own
-        at += length + _drawn(rule.pause_min, period_s, random)
-    return heat
-
-
 def _drawn(minutes: tuple[float, float], period_s: float, random: np.random.Generator) -> int:
     """A length in samples: at least the first, on average the second."""
     low, mean = minutes
@@ -205,7 +161,7 @@ class TrainingSetDesign:
         """Every run of the recipe, ``records`` being the log at the filter's period."""
         idle, unlogged = self.recipe.made_up.idle, self.recipe.unlogged
         coarse = [each.every(self.coarser) for each in records]
-        rests = map(self._finer, self.plant.misfits(coarse, self.coarser * self.period_s, _PASSES))
+        rests = map(self._finer, self.plant.misfits(coarse, self.ambient.period_s, _PASSES))
         found = {
             LOGGED: [Segment(self.period_s, each.sensors_degC, each.ambient_degC[None]) for each in records],
             IDLE: [self._run(random, idle.hours) for random in self._draws(0, idle.runs)],
@@ -224,16 +180,51 @@ class TrainingSetDesign:
         self, random: np.random.Generator, hours: float, watts: Mapping[str, float] | None = None, alone: bool = False
     ) -> Segment:
         """A synthetic run with unmeasured heat of ``watts``, on a device that does nothing else where ``alone``."""
-        T, rule = self.coarser * self.period_s, self.recipe.made_up
+        T = self.ambient.period_s
         count = round(hours * 3600 / T)
-        ambient = synthetic_ambient(self.ambient, rule, count, random)
+        ambient = synthetic_ambient(self.ambient, self.recipe.made_up, count, random)
         work = np.repeat(self.workload.idle_W[:, None], count, axis=1)
         if not alone:
-            work = synthetic_work(self.workload, rule, count, T, random)
-        unlogged = synthetic_heat(watts or {}, self.recipe.unlogged, self.plant.nodes, count, T, random)
+            work = self._work_W(count, random)
+        unlogged = self._unlogged_W(watts or {}, count, random)
         sensors = self.plant.readings_degC(ambient, self.plant.heat_W(*work) + unlogged, T, _PASSES)
         readings = np.vstack([rounded(*each) for each in zip(self._finer(sensors), self.steps_degC)])
         return Segment(self.period_s, readings, self._finer(ambient[None]))
+
+    def _work_W(self, count: int, random: np.random.Generator) -> Array:
+        """The heat (measured, shared) of a device that works now and then, (2, count).
+
+        An episode of the log, in half of the cases weakened, goes on as it ended where it is too short.
+        """
+        (idle_W, episodes_W), rule, period_s = self.workload, self.recipe.made_up, self.ambient.period_s
+        heat = np.repeat(idle_W[:, None], count, axis=1)
+        mean_min = sum(rule.episode_min) / 2
+        pause_min = mean_min * (1 - rule.busy) / rule.busy
+        # every run holds some work
+        at = round(random.uniform(*rule.episode_min) * 60 / period_s)
+        while at < count:
+            episode = episodes_W[random.integers(len(episodes_W))]
+            effort = random.uniform(_LEAST_EFFORT, 1.0) if random.random() < 0.5 else 1.0
+            length = min(round(random.uniform(*rule.episode_min) * 60 / period_s), count - at)
+            kept = np.minimum(np.arange(length), episode.shape[1] - 1)
+            heat[:, at : at + length] += effort * (episode[:, kept] - idle_W[:, None])
+            at += length + round((_LEAST_PAUSE_MIN + random.exponential(pause_min - _LEAST_PAUSE_MIN)) * 60 / period_s)
+        return heat
+
+    def _unlogged_W(self, watts: Mapping[str, float], count: int, random: np.random.Generator) -> Array:
+        """Episodes of ``watts``, (n, count), each scaled by a log-normal factor and each node by another."""
+        nodes, rule, period_s = self.plant.nodes, self.recipe.unlogged, self.ambient.period_s
+        heat = np.zeros((len(nodes), count))
+        at = round(random.uniform(0.0, rule.pause_min[1]) * 60 / period_s)
+        while at < count:
+            length = _drawn(rule.episode_min, period_s, random)
+            scale = np.exp(rule.log_deviation * random.standard_normal())
+            for node, watt in watts.items():
+                # so that the two factors together have a mean of 1
+                own = np.exp(rule.log_deviation * random.standard_normal() - rule.log_deviation**2)
+                heat[nodes[node], at : at + length] += watt * scale * own
+            at += length + _drawn(rule.pause_min, period_s, random)
+        return heat
 
     def _finer(self, rows: Array) -> Array:
         """The rows at the filter's period, straight between the circuit's samples."""
