@@ -97,12 +97,21 @@ def _estimated(name: str, unit: str, value: float, logarithmic: bool, known: Unc
 
 
 def filter_fit(
-    name: str, columns: Sequence[str], segments: Sequence[Segment], order: int, result: SearchResult, effort: Effort
+    name: str,
+    columns: Sequence[str],
+    segments: Sequence[Segment],
+    order: int,
+    result: SearchResult,
+    effort: Effort,
+    unit_gain: bool = True,
 ) -> Fit:
-    """The fit of a free filter that was searched over more than the logged ``segments``; its DC gains add up to one."""
+    """The fit of a free filter that was searched over more than the logged ``segments``.
+
+    Its DC gains add up to one where ``unit_gain`` was demanded.
+    """
     logged = FreeFilter(order, segments)
     system = logged.system(result.best.theta, result.best.beta)
-    lacking = 1.0 - float(dc_gain(system)[0].sum())
+    lacking = (1.0 - float(dc_gain(system)[0].sum())) * unit_gain
     system = replace(system, D=system.D + lacking / system.D.shape[1])
     unknowns = filter_unknowns(logged, result.best.theta)
     return rescored(fit_of(logged, result, effort, system, unknowns, name, columns, MODES[:order]), segments)

@@ -29,8 +29,18 @@ def test_on_runs_that_it_never_saw_it_does_as_well_as_one_without_demands_and_it
     assert 0.87 <= np.mean([each.coverage[90] for each in scored]) <= 0.93
 
 
+def test_of_what_a_controller_heats_a_share_follows_the_ambient():
+    """A room that a proportional controller keeps near 21 degC: the ambient moves it by a fifth."""
+    trace = walked(1, samples=1000)
+    room_degC = 21 + 0.2 * (trace.columns["a_degC"] - 21)
+    kept = replace(trace, columns={"room_degC": room_degC, "ambient_degC": trace.columns["ambient_degC"]})
+    fit = FreeObserver().fit([kept], ONE)
+    assert fit.dc_gains[0] == pytest.approx(5, rel=0.05)
+    assert fit.rmse_degC < 0.5 * fit.baseline.rmse_degC
+
+
 def choice(order, noise_degC, offset_degC, *errors_degC):
-    return Choice(order, noise_degC, offset_degC, tuple(each**2 for each in errors_degC))
+    return Choice(True, order, noise_degC, offset_degC, tuple(each**2 for each in errors_degC))
 
 
 def test_the_lowest_order_then_the_most_noise_and_offset_that_are_not_worse():
@@ -49,7 +59,7 @@ def test_few_levels_do_not_make_large_gains():
     u = level + np.random.default_rng(1).normal(0, 0.05, (3, 800)) + np.array([[1.0], [0.2], [0.0]]) * (level < 0)
     gains = []
     for offset_degC in (0.0, 1.0):
-        best = search(structure := constrained(1, [Segment(10.0, u, level[None])], 0.01, offset_degC), 2, 0).best
+        best = search(structure := constrained([Segment(10.0, u, level[None])], True, 1, 0.01, offset_degC), 2, 0).best
         gains.append(np.linalg.norm(dc_gain(structure.system(best.theta, best.beta))))
     assert gains[1] < 0.8 < gains[0]
 
