@@ -32,9 +32,8 @@ def test_on_runs_that_it_never_saw_it_does_as_well_as_one_without_demands_and_it
 def test_of_what_a_controller_heats_a_share_follows_the_ambient():
     """A room that a proportional controller keeps near 21 degC: the ambient moves it by a fifth."""
     trace = walked(1, samples=1000)
-    room_degC = 21 + 0.2 * (trace.columns["a_degC"] - 21)
-    kept = replace(trace, columns={"room_degC": room_degC, "ambient_degC": trace.columns["ambient_degC"]})
-    fit = FreeObserver().fit([kept], ONE)
+    near = {"room_degC": 21 + 0.2 * (trace.columns["a_degC"] - 21), "ambient_degC": trace.columns["ambient_degC"]}
+    fit = FreeObserver().fit([replace(trace, columns=near)], ONE)
     assert fit.dc_gains[0] == pytest.approx(5, rel=0.05)
     assert fit.rmse_degC < 0.5 * fit.baseline.rmse_degC
 
@@ -75,9 +74,7 @@ def test_where_the_sensors_offsets_are_open_the_interval_is_no_narrower_than_the
 @pytest.mark.parametrize("evaluation", [3, 150])
 def test_ctrl_c_keeps_the_best_so_far(evaluation):
     """While the first order is searched, and while blocks are left out."""
-    seen = []
-
-    effort = Effort(starts=2)
+    seen, effort = [], Effort(starts=2)
 
     def interrupt(start, number, square):
         seen.append(number)
