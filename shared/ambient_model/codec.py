@@ -22,6 +22,7 @@ from ambient_model.model import (
     LEVELS_PERCENT,
     REGRESSORS,
     Band,
+    Beyond,
     Conformance,
     Discrete,
     ErrorVariance,
@@ -120,6 +121,8 @@ def encode(model: Model) -> str:
             "terms": [each._asdict() for each in model.error_variance.terms],
             "quantiles": _quantiles_data(model.error_variance.quantiles),
         }
+        if model.error_variance.beyond is not None:
+            data["spread"]["beyond"] = model.error_variance.beyond._asdict()
     if model.readings is not None:
         data["readings"] = {**model.readings._asdict(), "sensors": [each._asdict() for each in model.readings.sensors]}
         if not model.readings.offset_gains:  # a file from before it keeps its text, by which a device knows it
@@ -411,12 +414,20 @@ class _Reading:
         return Secondary(estimator, self.positive("guard.threshold_degC", data.get("threshold_degC")))
 
     def error_variance(self, value: Any) -> ErrorVariance:
-        data = self.record("spread", value, ErrorVariance._fields)
+        data = self.record("spread", value, ErrorVariance._fields[:-1], ErrorVariance._fields[-1:])
         return ErrorVariance(
             self.not_negative("spread.constant_degC2", data.get("constant_degC2")),
             tuple(self.term(where, each) for where, each in self.each("spread.terms", data.get("terms"), _MOST_TERMS)),
             self.interval("spread.quantiles", data.get("quantiles")),
+            self.beyond("spread.beyond", data["beyond"]) if "beyond" in data else None,
         )
+
+    def beyond(self, place: str, value: Any) -> Beyond:
+        data = self.record(place, value, Beyond._fields)
+        low, high = (self.number(f"{place}.{key}", data.get(key)) for key in Beyond._fields[:2])
+        if not low <= high:
+            self.fault(f"{place}.low_degC", f"{low:g} is above {high:g}", "give the lower one first")
+        return Beyond(low, high, self.not_negative(f"{place}.weight", data.get("weight")))
 
     def term(self, place: str, value: Any) -> Term:
         data = self.record(place, value, Term._fields)

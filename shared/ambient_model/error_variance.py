@@ -3,13 +3,14 @@
     L[z][k] = L[z][k-1] + a (z[k] - L[z][k-1]),  a = 1 - exp(-T / lag),  L[z][0] = z[0]
     movement = L[(y - L[y])^2]
     guard    = L[d^2],  guard_above = L[max(d, 0)^2],  guard_below = L[min(d, 0)^2]
-    sigma^2  = constant + sum of weight x term
+    beyond   = max(y - high, low - y, 0)
+    sigma^2  = constant + sum of weight x term + weight x beyond^2
 
 y is the published estimate; d is the main estimate minus the secondary one, limited to plus or minus the threshold; T
-is the time since the previous sample; each term has a lag of its own. Unmeasured heat of one kind drives the two
-estimators apart to one side, of another kind to the other, with errors of another size. The published interval is y
-plus sigma times the quantiles. The model file's key of this model is ``spread``, and ``movement``, ``guard``,
-``guard_above`` and ``guard_below`` are the regressors' names there.
+is the time since the previous sample; each term has a lag of its own; low to high is what training has estimated.
+Unmeasured heat of one kind drives the two estimators apart to one side, of another kind to the other, with errors of
+another size. The published interval is y plus sigma times the quantiles. The model file's key of this model is
+``spread``, and ``movement``, ``guard``, ``guard_above`` and ``guard_below`` are the regressors' names there.
 """
 
 import math
@@ -51,12 +52,21 @@ def advanced(
     return VarianceState(tuple(means), tuple(squares))
 
 
-def sigma_degC(model: ErrorVariance, state: VarianceState) -> float:
-    """Standard deviation of the estimate's error."""
+def sigma_degC(model: ErrorVariance, state: VarianceState, beyond_degC: float = 0.0) -> float:
+    """Standard deviation of the estimate's error, so far outside of what training has seen."""
     variance = model.constant_degC2
     for term, square in zip(model.terms, state.squares_degC2):
         variance += term.weight * square
+    if model.beyond is not None:
+        variance += model.beyond.weight * (beyond_degC * beyond_degC)
     return math.sqrt(variance)
+
+
+def beyond_degC(model: ErrorVariance, ambient_degC: float) -> float:
+    """How far an estimate lies outside of what training has seen; 0 where the file does not say."""
+    if model.beyond is None:
+        return 0.0
+    return max(ambient_degC - model.beyond.high_degC, model.beyond.low_degC - ambient_degC, 0.0)
 
 
 def _side(of: str, difference_degC: float) -> float:

@@ -82,6 +82,16 @@ class Term(NamedTuple):
     weight: float
 
 
+class Beyond(NamedTuple):
+    """What the error variance grows by outside of what training has seen."""
+
+    low_degC: float
+    """The least estimate of the training, and the greatest:"""
+    high_degC: float
+    weight: float
+    """Of the square of how far an estimate lies beyond them."""
+
+
 class ErrorVariance(NamedTuple):
     """Model of the estimate's error variance; see :mod:`ambient_model.error_variance`."""
 
@@ -89,6 +99,7 @@ class ErrorVariance(NamedTuple):
     terms: tuple[Term, ...]
     quantiles: Quantiles
     """Per level in percent the error, in standard deviations, it lies between."""
+    beyond: Beyond | None = None
 
 
 class SensorLimits(NamedTuple):

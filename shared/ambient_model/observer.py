@@ -14,7 +14,7 @@ import math
 from typing import NamedTuple
 
 from ambient_model.blend import blended
-from ambient_model.error_variance import VarianceState, advanced, gains, initial_state, sigma_degC
+from ambient_model.error_variance import VarianceState, advanced, beyond_degC, gains, initial_state, sigma_degC
 from ambient_model.model import SCORES, ErrorVariance, Model, ReadingModel
 from ambient_model.tracking import (
     COASTING,
@@ -186,7 +186,7 @@ class Observer:
         else:
             a = self._gains_after(model, step - self._step)
             variance = advanced(model, self._variance, a, ambient, difference)
-        sigma = sigma_degC(model, variance)
+        sigma = sigma_degC(model, variance, beyond_degC(model, ambient))
         if coasting:
             return max(sigma, self.sigma_degC or 0.0)
         self._variance, self._step = variance, step

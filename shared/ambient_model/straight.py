@@ -129,11 +129,14 @@ def _sigma(model: ErrorVariance, period_s: float, level: int, has_secondary: boo
         lines.append(f"{m} += {a!r} * (ambient - {m})")
         z = f"(ambient - {m})" if term.of == "movement" else _SIDES[term.of] if has_secondary else "0.0"
         lines.append(f"{q} += {a!r} * ({z} * {z} - {q})")
+    if model.beyond is not None:
+        least, most, _ = model.beyond
+        lines.append(f"beyond = max(ambient - {most!r}, {least!r} - ambient, 0.0)")
     low, high = model.quantiles[level]
     pair = ", ".join(f"({''.join(f'{name}, ' for name in names)})" for names in (means, squares))
-    variance = " + ".join(
-        [repr(model.constant_degC2), *[f"{term.weight!r} * {q}" for term, q in zip(model.terms, squares)]]
-    )
+    added = [f"{term.weight!r} * {q}" for term, q in zip(model.terms, squares)]
+    added += [] if model.beyond is None else [f"{model.beyond.weight!r} * (beyond * beyond)"]
+    variance = " + ".join([repr(model.constant_degC2), *added])
     return [
         *lines,
         f"observer._variance = new(VarianceState, ({pair}))",

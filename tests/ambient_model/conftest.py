@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from ambient_model.conformance import conformance_of
 from ambient_model.model import (
     REGRESSORS,
+    Beyond,
     Discrete,
     ErrorVariance,
     Estimator,
@@ -72,8 +73,9 @@ def estimators(draw: st.DrawFn, read: tuple[Input, ...], periods_s: list[float])
 @st.composite
 def spreads(draw: st.DrawFn, known: tuple[str, ...]) -> ErrorVariance:
     term = st.builds(Term, st.sampled_from(known), st.floats(1e-3, 1e5), st.floats(0, 1e3))
+    beyond = st.builds(lambda at, more, weight: Beyond(at, at + more, weight), *[st.floats(0, 50)] * 3)
     terms = tuple(draw(st.lists(term, max_size=8)))
-    return ErrorVariance(draw(st.floats(0, 100)), terms, draw(quantiles()))
+    return ErrorVariance(draw(st.floats(0, 100)), terms, draw(quantiles()), draw(st.none() | beyond))
 
 
 documents = anything(allow_nan=False, allow_infinity=False)

@@ -10,7 +10,7 @@ from scipy.signal import cont2discrete, dlsim, lfilter
 
 from ambient_model.codec import decode, encode, save_model
 from ambient_model.conformance import run_recursion
-from ambient_model.model import ErrorVariance, Secondary, Term
+from ambient_model.model import Beyond, ErrorVariance, Secondary, Term
 from ambient_model.observer import Observer
 from ambient_model.trace import write_trace
 from ambient_model.tracking import Tracker
@@ -126,7 +126,7 @@ def second(trace):
 def guarded(models, second):
     """The free filter with a secondary estimator and synthetic error variance."""
     secondary = Secondary(model_of(second, [], {}).main, THRESHOLD_DEGC)
-    error_variance = ErrorVariance(CONSTANT_DEGC2, TERMS, QUANTILES)
+    error_variance = ErrorVariance(CONSTANT_DEGC2, TERMS, QUANTILES, Beyond(20.0, 25.0, 0.4))
     return read_back(models["free-3"]._replace(secondary=secondary, error_variance=error_variance))
 
 
@@ -144,7 +144,7 @@ def _by_equations(first, second, u, period_s):
     slow, fast = ((y - _low_pass(y, lag_s, period_s)) ** 2 for lag_s in (300.0, 40.0))
     variance = CONSTANT_DEGC2 + 0.5 * _low_pass(slow, 300.0, period_s) + 3.0 * _low_pass(fast, 40.0, period_s)
     apart = np.clip(d, -THRESHOLD_DEGC, THRESHOLD_DEGC)
-    sides = 0.5 * _low_pass(np.maximum(apart, 0) ** 2, 90.0, period_s)
+    sides = 0.4 * (y - np.clip(y, 20, 25)) ** 2 + 0.5 * _low_pass(np.maximum(apart, 0) ** 2, 90.0, period_s)
     sides += 0.75 * _low_pass(np.minimum(apart, 0) ** 2, 20.0, period_s)
     return y, w, np.sqrt(variance + 0.25 * _low_pass(apart**2, 60.0, period_s) + sides)
 

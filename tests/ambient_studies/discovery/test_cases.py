@@ -50,9 +50,8 @@ def test_decoys_drive_nothing():
 
 def test_another_device_has_its_own_scenario_and_places():
     drawn = draw_cases(7, 40, "set_top_box")
-    assert {case.scenario for case in drawn} == {"set_top_box"}
-    bodies = (each.location for case in drawn for each in case.hidden if each.cause == "thermal_mass")
-    assert set(bodies) == {"board", "casing"}
+    bodies = {each.location for case in drawn for each in case.hidden if each.cause == "thermal_mass"}
+    assert ({case.scenario for case in drawn}, bodies) == ({"set_top_box"}, {"board", "casing"})
 
 
 def test_no_run_is_a_baselines_or_anothers():

@@ -67,7 +67,11 @@ def half_widths(model: ErrorVariance, moments: Iterable[Moment], period_s: float
 def sigma_degC(model: ErrorVariance, ambient_degC: Array, apart_degC: Array | float, period_s: float) -> Array:
     """Standard deviation (N,) of the error of the published estimate ``ambient_degC`` (N,); see :class:`Moment`."""
     weights = np.array([model.constant_degC2, *(term.weight for term in model.terms)])
-    return np.sqrt(weights @ regressors_degC2(model.terms, ambient_degC, apart_degC, period_s))
+    variance = weights @ regressors_degC2(model.terms, ambient_degC, apart_degC, period_s)
+    if model.beyond is not None:
+        within = np.clip(ambient_degC, model.beyond.low_degC, model.beyond.high_degC)
+        variance = variance + model.beyond.weight * (ambient_degC - within) ** 2
+    return np.asarray(np.sqrt(variance))
 
 
 def regressors_degC2(terms: Sequence[Term], ambient_degC: Array, apart_degC: Array | float, period_s: float) -> Array:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ambient_model.model import Beyond
 from ambient_model.trace import split_column
 from ambient_trainer.data import Array, Segment
 from ambient_trainer.estimation import FreeFilter, Progress, SearchResult, Structure
@@ -16,6 +17,8 @@ from ambient_trainer.lti import Hold, StateSpace, dc_gain, noise_gain
 
 _OPEN = float(np.log(1e3))
 """Half a 95 % interval, as a logarithm, from which on it says no more than that the parameter is positive."""
+_BEYOND = 0.5
+"""Of how far an estimate lies outside of all that training has estimated: its error's standard deviation there."""
 MODES = ("mode1", "mode2", "mode3", "mode4")
 """The states of a filter that no circuit names."""
 
@@ -147,7 +150,11 @@ def with_fallbacks_and_variance(
     period_s = segments[0].period_s
     variance = fit_error_variance(unseen or moments, period_s)
     still_degC2 = offset_degC**2 * sum(gain**2 for gain in fit.dc_gains)
-    variance = variance._replace(constant_degC2=max(variance.constant_degC2, still_degC2))
+    estimates = np.concatenate([each.estimate_degC for each in moments])
+    variance = variance._replace(
+        constant_degC2=max(variance.constant_degC2, still_degC2),
+        beyond=Beyond(float(np.nanmin(estimates)), float(np.nanmax(estimates)), _BEYOND**2),
+    )
     gain = noise_gain(fit.system, period_s)
     half = half_widths(variance, moments, period_s)
     return replace(

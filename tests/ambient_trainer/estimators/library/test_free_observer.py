@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimation.error_variance import sigma_degC
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
@@ -69,6 +70,7 @@ def test_where_the_sensors_offsets_are_open_the_interval_is_no_narrower_than_the
     fit = FreeObserver().fit([trace], ONE)
     offset_degC = fit.details["choice"]["offset_degC"]
     assert fit.error_variance.constant_degC2 >= offset_degC**2 * np.square(fit.dc_gains).sum()
+    assert sigma_degC(fit.error_variance, np.array([300.0]), 0.0, 10.0) > 100  # nothing shows how right that is
 
 
 @pytest.mark.parametrize("evaluation", [3, 150])
@@ -82,9 +84,7 @@ def test_ctrl_c_keeps_the_best_so_far(evaluation):
             effort.budget.cancel()
 
     found = estimator("free_observer").fit([walked(6, samples=600)], effort, interrupt)
-    assert found.stopped
-    assert not found.converged
-    assert "Stopped" in found.notes[0]
+    assert (found.stopped, found.converged, "Stopped" in found.notes[0]) == (True, False, True)
     assert sum(found.dc_gains) == pytest.approx(1.0, abs=1e-9)
     assert model_of(found, [], {}).provenance["fit"]["stopped"]
 

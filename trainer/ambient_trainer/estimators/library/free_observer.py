@@ -3,7 +3,7 @@
 Its order, and the noise and the offset that it assumes of every sensor, are selected by the error over blocks of the
 training data that are held out: the lowest order, then the most noise, then the largest offset whose error is not
 significantly above the best. Its DC gains add up to one, as physics demands of what takes on the ambient at rest,
-unless much less of the error is left without: what a controller heats tells little of the ambient's level.
+unless much less of the error is left without: what a controller heats shows little of the ambient's level.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _FALLBACK_STARTS = 2
 _FREED = 0.7
 """Of the error, as the blocks have it on the average: no more has to be left by DC gains that do not add up to one. Of
 89 measured logs nine pass: eight are better afterwards, by a quarter to forty times, and one is worse by a quarter."""
-_FREE_GAINS = " Its DC gains do not add up to one: of the ambient's level these sensors tell little."
+_FREE_GAINS = " Its DC gains do not add up to one: these sensors show little of the ambient's level."
 
 
 def find(name: str) -> FreeObserver | None:
