@@ -207,7 +207,7 @@ def _doubtful(step: Chosen, chosen: Trial, records: Sequence[Record]) -> bool:
         bent = mechanism.cause == "convection_law" and not records[0].known_good
         return bent or (mechanism.cause == "heat_source" and _stands_in(mechanism.driver, records))
     begins = not (mechanism.lasts or records[0].known_good)
-    return begins or (mechanism.cause == "heat_source" and ambient_rests(records))
+    return begins or ((mechanism.cause == "heat_source" or mechanism.slow) and ambient_rests(records))
 
 
 def _stands_in(driver: Expression, records: Sequence[Record]) -> bool:

@@ -104,6 +104,11 @@ class Mechanism:
         return False
 
     @property
+    def slow(self) -> bool:
+        """Whether it is a body that is slower than the record, as whose temperature any constant one does."""
+        return False
+
+    @property
     def assumes(self) -> float:
         """What it takes for granted besides its numbers."""
         return 0.0

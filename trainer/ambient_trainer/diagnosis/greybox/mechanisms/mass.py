@@ -82,16 +82,16 @@ class HiddenMass(Mechanism):
         return circuit
 
     @property
-    def _slower_than_the_record(self) -> bool:
+    def slow(self) -> bool:
         # one that is put there for a while has a bound of its own
         lag = self.numbers[1]
         return self.lasts and bool(lag.value > lag.high / _SLOWEST)
 
     def sentence_tail(self) -> str:
-        return "slower than the record: a constant temperature does the same" * self._slower_than_the_record
+        return "slower than the record: a constant temperature does the same" * self.slow
 
     def product(self) -> tuple[str, str, tuple[int, int]] | None:
-        if self._slower_than_the_record:
+        if self.slow:
             return None
         return f"heat capacity of the mass behind {self.places[0]}", "J/K", (0, 1)
 
