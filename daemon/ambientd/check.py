@@ -89,7 +89,9 @@ def _interval(model: Model, level_percent: int) -> str:
     low, high = (end * sigma for end in model.error_variance.quantiles[level_percent])
     regressors = ", ".join(dict.fromkeys(term.of for term in model.error_variance.terms)) or "nothing"
     around = "degC around the estimate in steady state"
-    return f"{low:+.2g} to {high:+.2g} {around}, {level_percent} %; wider with {regressors}"
+    beyond = model.error_variance.beyond
+    outside = f", and outside of {beyond.low_degC:.1f} to {beyond.high_degC:.1f} degC" if beyond else ""
+    return f"{low:+.2g} to {high:+.2g} {around}, {level_percent} %; wider with {regressors}{outside}"
 
 
 def check_sensors(settings: Settings) -> None:

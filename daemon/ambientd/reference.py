@@ -2,8 +2,9 @@
 
 Both are files that are looked at once a second: another program writes the configured one, and ``ambientd tell`` writes
 ``STATE.tell`` beside the state file. The file's modification time is the reading's. One reading counts per correlation
-time, while the status is ``tracking`` or ``degraded``, and never when it is older than configured; until then the
-configured file is left alone. The answer to a submitted reading stands in the state file; then its file is removed.
+time, while the status is ``tracking`` or ``degraded``, and never when it is older than configured; the configured file
+is not looked at before one could count. The answer to a submitted reading stands in the state file; then its file is
+removed.
 
 Sensors' own errors that are learnt go into the readings over an hour, a little at a time, and into the estimate at
 once, as what they make of it at rest: a step in the readings would shake the filter.
@@ -142,8 +143,7 @@ class OffsetLearner:
             self._polled_s = time_s
             if not 0 <= time_s - self._advanced_s < _ADVANCE_S:
                 self._advance(time_s)
-            # asked first, as an error that is raised at every look costs more than all the rest
-            if os.access(self._submitted, os.F_OK) and (at_ns := self._changed(self._submitted)) is not None:
+            if (at_ns := self._changed(self._submitted)) is not None:
                 self._judge(self._submitted, "degC", at_ns, estimate)
                 self.unsaved = True
             # one that was refused is not tried again and again until it passes
@@ -165,7 +165,7 @@ class OffsetLearner:
         self._note_report()
 
     def report(self) -> OffsetReport:
-        """What is published of it; the same object until the files are looked at again."""
+        """What is published of it; the same object until it is predicted again, or a reading is judged."""
         return self._report
 
     def _note_report(self) -> None:
@@ -218,6 +218,9 @@ class OffsetLearner:
 
     def _changed(self, path: str) -> int | None:
         """The file's modification time in ns, where it has not been judged."""
+        # asked first, as an error that is raised at every look costs more than all the rest
+        if not os.access(path, os.F_OK):
+            return None
         try:
             at_ns = os.stat(path).st_mtime_ns
         except OSError:

@@ -414,7 +414,7 @@ class _Reading:
         return Secondary(estimator, self.positive("guard.threshold_degC", data.get("threshold_degC")))
 
     def error_variance(self, value: Any) -> ErrorVariance:
-        data = self.record("spread", value, ErrorVariance._fields[:-1], ErrorVariance._fields[-1:])
+        data = self.record("spread", value, ("constant_degC2", "terms", "quantiles"), ("beyond",))
         return ErrorVariance(
             self.not_negative("spread.constant_degC2", data.get("constant_degC2")),
             tuple(self.term(where, each) for where, each in self.each("spread.terms", data.get("terms"), _MOST_TERMS)),
@@ -424,8 +424,9 @@ class _Reading:
 
     def beyond(self, place: str, value: Any) -> Beyond:
         data = self.record(place, value, Beyond._fields)
-        low, high = (self.number(f"{place}.{key}", data.get(key)) for key in Beyond._fields[:2])
-        if not low <= high:
+        before, ends = len(self.faults), ("low_degC", "high_degC")
+        low, high = (self.number(f"{place}.{key}", data.get(key)) for key in ends)
+        if len(self.faults) == before and data.keys() >= {*ends} and low > high:
             self.fault(f"{place}.low_degC", f"{low:g} is above {high:g}", "give the lower one first")
         return Beyond(low, high, self.not_negative(f"{place}.weight", data.get("weight")))
 

@@ -52,7 +52,7 @@ def advanced(
     return VarianceState(tuple(means), tuple(squares))
 
 
-def sigma_degC(model: ErrorVariance, state: VarianceState, beyond_degC: float = 0.0) -> float:
+def sigma_degC(model: ErrorVariance, state: VarianceState, beyond_degC: float) -> float:
     """Standard deviation of the estimate's error, so far outside of what training has seen."""
     variance = model.constant_degC2
     for term, square in zip(model.terms, state.squares_degC2):

@@ -86,8 +86,9 @@ class Beyond(NamedTuple):
     """What the error variance grows by outside of what training has seen."""
 
     low_degC: float
-    """The least estimate of the training, and the greatest:"""
+    """The least estimate of the training."""
     high_degC: float
+    """The greatest one."""
     weight: float
     """Of the square of how far an estimate lies beyond them."""
 

@@ -16,6 +16,7 @@ from typing import NamedTuple
 from ambient_model.blend import blended
 from ambient_model.error_variance import VarianceState, advanced, beyond_degC, gains, initial_state, sigma_degC
 from ambient_model.model import SCORES, ErrorVariance, Model, ReadingModel
+from ambient_model.recursion import output
 from ambient_model.tracking import (
     COASTING,
     DEGRADED,
@@ -110,7 +111,9 @@ class Observer:
             self.secondary.restore(background.secondary)
         if self._error_variance is not None and background.variance is not None:
             self._variance, self._step = background.variance, main.step
-            self.sigma_degC = sigma_degC(self._error_variance, background.variance)
+            ambient = output(self.tracker.discrete, self.tracker.estimator.offset, main.x, main.u)
+            beyond = beyond_degC(self._error_variance, ambient)
+            self.sigma_degC = sigma_degC(self._error_variance, background.variance, beyond)
         if self.validation is not None and background.validation is not None:
             self.validation.restore(background.validation)
 

@@ -130,8 +130,8 @@ def _sigma(model: ErrorVariance, period_s: float, level: int, has_secondary: boo
         z = f"(ambient - {m})" if term.of == "movement" else _SIDES[term.of] if has_secondary else "0.0"
         lines.append(f"{q} += {a!r} * ({z} * {z} - {q})")
     if model.beyond is not None:
-        least, most, _ = model.beyond
-        lines.append(f"beyond = max(ambient - {most!r}, {least!r} - ambient, 0.0)")
+        low, high, _ = model.beyond
+        lines.append(f"beyond = max(ambient - {high!r}, {low!r} - ambient, 0.0)")
     low, high = model.quantiles[level]
     pair = ", ".join(f"({''.join(f'{name}, ' for name in names)})" for names in (means, squares))
     added = [f"{term.weight!r} * {q}" for term, q in zip(model.terms, squares)]

@@ -99,8 +99,7 @@ def test_with_a_bound_that_holds_it_ends_where_scipy_does(residual, start, low, 
     np.testing.assert_allclose(end, wanted.x, atol=2e-4)
     held = wanted.active_mask != 0
     np.testing.assert_array_equal(end[held], np.where(wanted.active_mask < 0, low, high)[held])
-    assert (asked >= low).all()
-    assert (asked <= high).all()
+    assert ((low <= asked) & (asked <= high)).all()
 
 
 def test_missing_rank_is_no_obstacle():
@@ -113,9 +112,8 @@ def test_missing_rank_is_no_obstacle():
 
     (end, settled), _ = _descend(residual, _differences(residual), [0.1, 0.2, 5.0, 1.0])
     assert settled
-    assert end[0] + end[1] == pytest.approx(0.7, abs=1e-6)
     assert end[2] == pytest.approx(5.0, rel=1e-12)  # to rounding, which follows the processor
-    assert end[3] == pytest.approx(2.0, abs=1e-6)
+    assert [end[0] + end[1], end[3]] == pytest.approx([0.7, 2.0], abs=1e-6)
 
 
 def test_a_column_of_rounding_does_not_throw_its_unknown_across_the_box():

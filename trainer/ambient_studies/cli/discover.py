@@ -21,7 +21,7 @@ _CASES = 300
 @click.command("discover")
 @click.option("--cases", "count", type=click.IntRange(1, 100_000), default=_CASES, help="So many.")
 @click.option("--seed", type=click.IntRange(min=0), default=_SEED, help="Another one, other cases.")
-@click.option("--device", default="phone", show_default=True, metavar="NAME", help="What effects are hidden in.")
+@click.option("--device", default="phone", show_default=True, metavar="NAME", help="phone or set_top_box, simulated.")
 @click.option(
     "--circuit",
     "circuit_name",
@@ -39,7 +39,13 @@ def command(count: int, seed: int, device: str, circuit_name: str | None, output
     """
     from ambient_studies.discovery.report import as_json, case_json, report_of  # scipy: --help should not wait for it
     from ambient_trainer.estimators import thermal_circuit
+    from ambient_trainer.simulator import device_names
 
+    if device not in device_names():
+        known = ", ".join(device_names())
+        raise click.BadParameter(
+            f"no simulated device is called {device!r}; take one of {known}", param_hint="--device"
+        )
     output.check([circuit_name or device])
     circuit = thermal_circuit(circuit_name or device)
     _require_sensors(circuit, device)

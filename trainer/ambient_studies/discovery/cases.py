@@ -4,15 +4,15 @@ Of 20 cases 3 hide nothing, 13 one effect and 4 two at once. Single effects go t
 ``SCALES``; two are of the two larger ones, at different places, and of different causes. Every trace has decoys.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ambient_trainer.data import Trace
 from ambient_trainer.simulator import (
     SIGNALS,
-    Device,
     Hidden,
     Simulated,
     draw_hidden,
@@ -90,25 +90,21 @@ def _effects(number: int, random: np.random.Generator, device: str) -> tuple[Hid
     wanted = _PATTERN[number % len(_PATTERN)]
     if wanted == 0:
         return ()
-    where = load_scenario(scenario_of(device)).duration_s, load_device(device)
+    duration_s = load_scenario(scenario_of(device)).duration_s
+    hidden = partial(draw_hidden, random, duration_s=duration_s, device=load_device(device))
     if wanted == 2:
-        return next(pair for pair in _pairs(random, where) if _apart(*pair))
+        return next(pair for pair in _pairs(random, hidden) if _apart(*pair))
     rounds, rest = divmod(number, len(_PATTERN))
     place = rounds * _PATTERN.count(1) + _PATTERN[:rest].count(1)
-    return (_hidden(random, CAUSES[place % len(CAUSES)], SCALES[place // len(CAUSES) % len(SCALES)], where),)
+    return (hidden(CAUSES[place % len(CAUSES)], scale=SCALES[place // len(CAUSES) % len(SCALES)]),)
 
 
-def _hidden(random: np.random.Generator, cause: str, scale: float, where: tuple[float, Device]) -> Hidden:
-    duration_s, device = where
-    return draw_hidden(random, cause, duration_s, scale, device)
-
-
-def _pairs(random: np.random.Generator, where: tuple[float, Device]) -> Iterator[tuple[Hidden, Hidden]]:
+def _pairs(random: np.random.Generator, hidden: Callable[..., Hidden]) -> Iterator[tuple[Hidden, Hidden]]:
     while True:
         one, other = random.choice(CAUSES, 2, replace=False)
         yield (
-            _hidden(random, str(one), float(random.choice(_PAIR_SCALES)), where),
-            _hidden(random, str(other), float(random.choice(_PAIR_SCALES)), where),
+            hidden(str(one), scale=float(random.choice(_PAIR_SCALES))),
+            hidden(str(other), scale=float(random.choice(_PAIR_SCALES))),
         )
 
 

@@ -122,7 +122,8 @@ def _published(model: Model) -> str:
     variance = model.error_variance
     quantiles, unit = (model.main.interval, "degC") if variance is None else (variance.quantiles, "sigma")
     bands = ", ".join(f"{level} %: {low:+.2f} to {high:+.2f} {unit}" for level, (low, high) in quantiles.items())
-    return bands if variance is None else f"{bands}; sigma grows with the estimate's rate of change"
+    outside = " and outside of what training has estimated" if variance and variance.beyond else ""
+    return bands if variance is None else f"{bands}; sigma grows with the estimate's rate of change{outside}"
 
 
 def _note(evaluation: Evaluation) -> str:

@@ -5,6 +5,7 @@ from ambient_trainer.simulator.device import (
     Constant,
     Device,
     Zone,
+    device_names,
     device_path,
     load_constants,
     load_device,

@@ -10,7 +10,7 @@ from ambient_trainer.estimation.error_variance import sigma_degC
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
-from ambient_trainer.estimators.library.free_observer import Choice, FreeObserver, constrained, selected
+from ambient_trainer.estimators.library.free_observer import Choice, FreeObserver, _Selection, constrained, selected
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import evaluate_trace
@@ -51,6 +51,10 @@ def test_the_lowest_order_then_the_most_noise_and_offset_that_are_not_worse():
     # worse in one block, better in another: no significant difference
     offsets = [*more, choice(2, 0.03, 0.3, 0.45, 0.57), choice(2, 0.03, 1.0, 0.59, 0.6)]
     assert selected(offsets) == offsets[6]
+    selection = _Selection((), ONE, None)
+    selection._grid = lambda: ()
+    selection.tried = dict.fromkeys([choice(1, 0.01, 0, *[1] * 5), Choice(False, 1, 0.01, 0, (0.1,) * 4 + (9,))], ())
+    assert selection.run().unit_gain  # free ones leave less in most blocks, but more over all
 
 
 def test_few_levels_do_not_make_large_gains():

@@ -61,7 +61,8 @@ class FreeObserver(Estimator):
         selection = _Selection(segments, effort, progress)
         choice = selection.run()
         if choice is None:
-            order = selected([*selection.tried]).order if selection.tried else min(selection.whole)[1]
+            held = [each for each in selection.tried if each.unit_gain]
+            order = selected(held).order if held else min(selection.whole)[1]
             result = replace(selection.whole[True, order], stopped=True)
             remark = f"Stopped before order and noise were selected: this is order {order}."
             main = filter_fit(self.name, training.columns, segments, order, result, effort)
@@ -154,7 +155,8 @@ class _Selection:
             return None
         held, free = self._best(unit_gain=True), self._best(unit_gain=False)
         less = np.divide(free.squares_degC2, held.squares_degC2)
-        return free if np.sqrt(gmean(less)) < _FREED else held
+        # where its lowest order did no better, no other was tried
+        return free if free.rmse_degC < held.rmse_degC and np.sqrt(gmean(less)) < _FREED else held
 
     def _grid(self) -> Iterator[tuple[bool, int, float, float]]:
         """With DC gains that add up to one, and then with free ones where the lowest order of these does better."""

@@ -34,7 +34,8 @@ class Coupling(InProportion):
 
     @property
     def doubtful(self) -> bool:
-        return self.driver is not None and not _HUMIDITY.isdisjoint(self.driver.columns[0].split("_"))
+        words = {word for each in self.driver.columns for word in each.lower().split("_")} if self.driver else set()
+        return bool(_HUMIDITY & words) and "absolute" not in words
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = self.weight(record)
