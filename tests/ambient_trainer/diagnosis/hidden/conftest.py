@@ -19,10 +19,7 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.diagnose import diagnose_changed, learn_known_good
 from ambient_trainer.diagnosis.result import Diagnosis
-from ambient_trainer.simulator.scenario import load_scenario
-from ambient_trainer.simulator.signals import SIGNALS
-from ambient_trainer.simulator.simulate import Simulated
-from ambient_trainer.simulator.text import draw_hidden
+from ambient_trainer.simulator import SIGNALS, Simulated, draw_hidden, load_device, load_scenario
 
 PERIOD_S = 20.0
 """Of the phone's records: half as many samples as a diagnosis takes by itself, for half the time."""
@@ -61,7 +58,8 @@ def diagnosed(bench: Bench) -> Callable[..., Diagnosed]:
         run = simulated([case])[0]
         with threadpool_limits(1):
             found = diagnose_changed(bench.known, bench.circuit, [run.trace], bench.baselines)
-        return Diagnosed(run, found, score(run.truths, size_in_noise(bench, run), found, bench.circuit, 0.0))
+        size, device = size_in_noise(bench, run), load_device()
+        return Diagnosed(run, found, score(run.truths, size, found, bench.circuit, device, 0.0))
 
     return diagnose
 
