@@ -71,7 +71,7 @@ def simulated(cases: Sequence[Case]) -> list[Simulated]:
 def baselines(seed: int, device: str = DEVICE, scenarios: Sequence[str] | None = None) -> list[Trace]:
     """Known-good runs of the same device, none of them with a case's seed."""
     random = np.random.default_rng([seed, _LARGEST_SEED])
-    names = scenarios or (BASELINES if device == DEVICE else [device] * len(BASELINES))
+    names = scenarios or (BASELINES if device == DEVICE else [scenario_of(device)] * len(BASELINES))
     runs = simulate_many([(name, _run_seed(random), ()) for name in names], PERIOD_S, device=load_device(device))
     return [run.trace for run in runs]
 

@@ -160,14 +160,15 @@ class _Selection:
 
     def _grid(self) -> Iterator[tuple[bool, int, float, float]]:
         """With DC gains that add up to one, and then with free ones where the lowest order of these does better."""
-        yield from self._grid_of(unit_gain=True)
-        yield False, _ORDERS[0], _FIRST_NOISE_DEGC, 0.0
+        yield from self._grid_of(True, _ORDERS)
+        lowest, *others = _ORDERS
+        yield False, lowest, _FIRST_NOISE_DEGC, 0.0
         if self._best(unit_gain=False).rmse_degC < self._best(unit_gain=True).rmse_degC:
-            yield from self._grid_of(unit_gain=False)
+            yield from self._grid_of(False, others)
 
-    def _grid_of(self, unit_gain: bool) -> Iterator[tuple[bool, int, float, float]]:
-        """Every order, with that selected every noise, and with that every offset."""
-        yield from ((unit_gain, order, _FIRST_NOISE_DEGC, 0.0) for order in _ORDERS)
+    def _grid_of(self, unit_gain: bool, orders: Sequence[int]) -> Iterator[tuple[bool, int, float, float]]:
+        """Each of the orders, with that selected every noise, and with that every offset."""
+        yield from ((unit_gain, order, _FIRST_NOISE_DEGC, 0.0) for order in orders)
         best = self._best(unit_gain)
         yield from ((unit_gain, best.order, each, 0.0) for each in _NOISES_DEGC if each != best.noise_degC)
         best = self._best(unit_gain)
