@@ -57,11 +57,8 @@ def command(count: int, seed: int, device: str, circuit_name: str | None, output
             raise
     outcomes = [each.outcome for each in done]
     each = [case_json(one) for one in done]
-    output.show(
-        report_of(
-            outcomes, {"seed": seed, "device": device, "circuit": circuit.name, **as_json(outcomes), "each": each}
-        )
-    )
+    about = {"seed": seed, "device": device, "circuit": circuit.name}
+    output.show(report_of(outcomes, {**about, **as_json(outcomes), "each": each}))
     if len(done) < count:
         raise click.ClickException(f"interrupted after {len(done)} of {count} cases: the figures are of these")
 

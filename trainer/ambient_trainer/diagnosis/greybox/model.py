@@ -105,7 +105,7 @@ class Mechanism:
 
     @property
     def slow(self) -> bool:
-        """Whether it is a body that is slower than the record, as whose temperature any constant one does."""
+        """Whether it is a body slower than the record: any temperature that stays does the same."""
         return False
 
     @property

@@ -33,6 +33,8 @@ WARMING = ("_W", "_kW", "_W_m2", "_kW_m2")
 THERMOELECTRIC = {"peltier", "tec"}
 _COOLERS = {"aircon", "ac", "chiller", "compressor", "cooler", "cooling", "fridge", *THERMOELECTRIC}
 """Words in the name of what takes heat away by the power that it uses, or, a Peltier element, by its current."""
+HUMIDITY = {"humidity", "rh"}
+"""Words in the name of a relative humidity, which falls where the air is warmed: an effect as well as a cause."""
 PRESSURES = ("_hPa", "_Pa", "_bar")
 """What is compressed warms by its rate; of others only the rate of a share that heats a slow body heats a fast one."""
 _SQUARED = ("_A", "_m_s", "_rpm")

@@ -13,15 +13,13 @@ from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.mechanisms.exponent import Exponent
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.scene import Scene, is_flow
+from ambient_trainer.diagnosis.greybox.scene import HUMIDITY, Scene, is_flow
 from ambient_trainer.diagnosis.record import Record
 
 _LEAST = 0.03
 """Of a conductance: none becomes negative."""
 _MOST_LESS, _MOST_MORE, _SWEPT = 0.97, 19.0, 300.0
 """A loss goes down to next to nothing, and up to what a storm takes from still air's, or water that flows."""
-_HUMIDITY = {"humidity", "rh"}
-"""Words in the name of a relative humidity, which falls where the air is warmed: an effect as well as a cause."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +33,7 @@ class Coupling(InProportion):
     @property
     def doubtful(self) -> bool:
         words = {word for each in self.driver.columns for word in each.lower().split("_")} if self.driver else set()
-        return bool(_HUMIDITY & words) and "absolute" not in words
+        return bool(HUMIDITY & words) and "absolute" not in words
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = self.weight(record)
