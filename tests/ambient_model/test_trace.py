@@ -93,7 +93,6 @@ FAULTY = {
     "an open thermocouple": (HEAD + b"0,20\n1,-9.9E+37\n", "line 3, column usb_degC: '-9.9E+37'"),
     "a time of its own": (HEAD + b"1.1e30,0\n", "line 2, column time_s: '1.1e30'"),
     "a line without an end": (HEAD + b"0," + b"0" * 2**20, "line 2: not CSV (a line"),
-    "1e999": (HEAD + b"1e999,0\n", "line 2, column time_s: '1e999'"),
     "backwards": (HEAD + b"2,0\n1,0\n", "line 3, column time_s: 1 s does not"),
     "equal": (
         b"# a: b\n" + HEAD + b"1700000000.1,0\n1700000000.1,0\n",

@@ -19,12 +19,6 @@ CIRCUITS = REPOSITORY / "tests" / "data" / "circuits"
 
 
 @pytest.fixture(scope="session")
-def measured_folder(beside) -> Path:
-    """The measured files as others logged them."""
-    return beside("measured")
-
-
-@pytest.fixture(scope="session")
 def described() -> Path:
     """Maps and circuits of the measured files; the data themselves are never copied."""
     return REPOSITORY / "tests" / "data" / "measured"

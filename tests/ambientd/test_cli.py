@@ -14,7 +14,6 @@ from processes import ran
         (("fly",), "invalid choice: 'fly'"),
         (("run",), "one of the arguments --config --model is required"),
         (("run", "--model", "m", "--config", "c"), "not allowed with argument"),
-        (("run", "--model", "m", "--publish", "mqtt:x"), "'mqtt' is no kind of publisher; known are file, file-in-"),
         (("run", "--model", "m", "--publish", "file"), "'file' has no path; write file:PATH"),
         (("run", "--model", "m", "--rate", "0"), "argument --rate: 0 is not between 0.1 and 1e+06"),
         (("run", "--model", "m", "--rate", "fast"), "argument --rate: 'fast' is not a number"),

@@ -106,7 +106,6 @@ publish:
     ("text", "name", "fact"),
     [
         ("", "c.yaml", "'model: MODEL.json'"),
-        ("model: a\nmodel: b\n", "c.yaml", "'model'"),
         ('{"model": "a", "model": "b"}', "c.json", "'model'"),
         ("model: a\nzones: {usb: x, usb: y}\n", "c.yaml", "'usb'"),
         ("model: [a\n", "c.yaml", "line 2, column 1"),

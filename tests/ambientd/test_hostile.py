@@ -159,7 +159,6 @@ CONFIGS = {
     # the text, and what its message names
     "a billion laughs": (f"{LAUGHS}\nrate_hz: *a11\n", "alias"),
     "a list in itself": ("rate_hz: &a [*a]\n", "alias"),
-    "a merge": ("zones: &z {a: b}\nsensors: {<<: *z}\n", "alias"),
     "deep mappings": ("{a: " * 10_000, "nested"),
     "many publishers": (filled("'file:x'", LARGEST_CONFIG, "model: m\npublish: [", "]"), "at most 32"),
     "many keys and one twice": ("\n".join(f"k{n}: 0" for n in range(6_000)) + "\nk5999: 1", "'k5999'"),

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import ambientd
+from ambientd.publish.spec import parse
 from processes import ran
 
 PUBLISHER = """
@@ -114,7 +115,5 @@ def test_a_new_source(copied, model_file, phone):
 
 @pytest.mark.parametrize("kind", ["access", "spec", "nothing", "os.path", "", "__init__", "Stdout", "../x", "file\n"])
 def test_a_helper_or_a_stranger_is_no_kind(kind):
-    from ambientd.publish.spec import parse
-
     with pytest.raises(ValueError, match=r"known are file, file-in-place, prometheus, socket, status, stdout$"):
         parse(f"{kind}:path")

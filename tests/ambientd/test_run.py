@@ -17,20 +17,14 @@ from ambientd.service import Service
 from .conftest import text
 
 
-def say(phone, number, content):
-    """Let a zone say something else, without a moment in which it is empty."""
-    with open(phone.root / f"class/thermal/thermal_zone{number}/temp", "r+b", buffering=0) as stream:
-        stream.write(content)
-        stream.truncate()
-
-
 def test_it_follows_the_zones_and_leaves_nothing_behind(start, until, ended, on_phone, phone, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     kinds = (f"file:{out}/temp", f"file-in-place:{out}/same", f"status:{out}/status", f"prometheus:{out}/a.prom")
     daemon = start(*on_phone(*kinds, f"socket:{out}/s"))
     until(lambda: text(out / "temp") == "23000\n")
-    say(phone, 10, b"31000\n")
+    with open(phone.root / "class/thermal/thermal_zone10/temp", "r+") as zone:
+        zone.write("31000")
     until(lambda: 'ambientd_sensor_used{sensor="usb",unit="degC"} 31.0' in text(out / "a.prom"))
     until(lambda: json.loads(text(out / "status"))["sensors"]["usb"] == {"unit": "degC", "raw": 31.0, "used": 31.0})
     # usb counts at once, and is then drawn from as its lag follows

@@ -22,13 +22,9 @@ def table(rows, header="time_s,usb_degC,ambient_degC"):
 
 GOOD = table(_ROWS)
 TRACES = {
-    "empty": ("", "is empty"),
     "header only": ("time_s,usb_degC,ambient_degC\n", "no samples"),
-    "no sensor": (table([row[::2] for row in _ROWS], "time_s,ambient_degC"), "line 1: "),
     "no reference": (table([row[:2] for row in _ROWS], "time_s,usb_degC"), "line 1: no column 'ambient_degC'"),
     "text": (GOOD.replace(_cell := str(_ROWS[3][1]), "warm", 1), "line 5, column usb_degC: 'warm'"),
-    "constant": (table([[row[0], 25.5, row[2]] for row in _ROWS]), "column usb_degC: is 25.5 "),
-    "short": (table(_ROWS[:4]), "4 samples "),
 }
 
 

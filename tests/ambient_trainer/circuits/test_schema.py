@@ -109,7 +109,6 @@ FAULTY = [
     ("outputs:\n", "sources: [{into: chip, signal: cpu_power_W}]\noutputs:\n", ("sources[0].into", "'chip'")),
     ("  C_board: {", "  C_board: {unit: J/K, initial: 3}\n  C_board: {", ("line 16, column 3", "'C_board'")),
     ("name: two_nodes", "name: [two_nodes", ("line 4, column 6", "not YAML")),
-    (EXAMPLE, "", ("", "empty")),
     (EXAMPLE, "# nothing but a remark\n", ("", "empty")),
 ]
 

@@ -77,15 +77,9 @@ def import_file(path, map_path=None):
 """
 
 
-@pytest.fixture
-def no_plugins_remembered():
-    plugin_names.cache_clear()
-    yield
-    plugin_names.cache_clear()
-
-
-@pytest.mark.usefixtures("no_plugins_remembered")
+@pytest.mark.usefixtures("plugged")
 def test_another_package_adds_a_command_an_estimator_and_an_importer(tmp_path, monkeypatch):
+    plugin_names.cache_clear()
     (tmp_path / "mine.py").write_text(PLUG_IN)
     described = tmp_path / "mine-1.dist-info"
     described.mkdir()

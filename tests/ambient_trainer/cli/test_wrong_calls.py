@@ -12,6 +12,11 @@ from ..evaluation.conftest import sensor_trace, two_sensor_model
 # the call, its status, and what the message names
 CALLS = [
     ("diagnose x.csv --circuit phone --period nan", 2, "--period; nan"),
+    ("diagnose t.csv --circuit phone --later nan", 2, "--later"),
+    ("diagnose t.csv --circuit phone --extended t.csv", 2, "t.csv: would be overwritten"),
+    ("diagnose t.csv --circuit nosuch", 1, "'nosuch'"),
+    ("diagnose t.csv --circuit phone --to 60", 1, "at least 100"),
+    ("diagnose t.csv --circuit phone --to 60 --baseline u.csv", 1, "u.csv: line 1: no column 'soc_power_W'"),
     ("mitigate x.json --limit nan", 2, "--limit; nan"),
     ("evaluate x.json x.csv --from 20 --to 10", 2, "--from 20; --to 10"),
     ("limit x.json --seeds 1,-2", 2, "--seeds; 1,-2"),
@@ -38,6 +43,7 @@ CALLS = [
     ("import t.csv --format xls -o o.csv", 2, "'xls' is not one of 'benchlink', 'csv'"),
     ("import t.csv --format benchlink -o t.csv", 2, "would be overwritten by what is made from it"),
     ("import none.csv --format benchlink -o o.csv", 2, "does not exist"),
+    ("import t.csv --format benchlink -o u.csv", 1, "t.csv: no line starts with 'Sweep #,'"),
     ("import t.csv --format benchlink", 2, "Missing option '-o'"),
     ("join t.csv -o o.csv", 2, "two"),
     ("join t.csv u.csv -o u.csv", 2, "u.csv"),
@@ -99,7 +105,7 @@ def test_a_wrong_call(tmp_path, monkeypatch, saved, trainer, words, status, fact
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("ambient_studies.mitigation.comparison.training_trace", None)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    found, _, said = trainer(*shlex.split(words))
-    assert found == status
+    found, printed, said = trainer(*shlex.split(words))
+    assert (found, printed) == (status, "")
     assert all(fact in " ".join(said.split()) for fact in facts.split("; "))
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

@@ -29,13 +29,3 @@ def test_what_came_in_was_left_out_and_is_assumed_is_shown(trainer, write, tmp_p
         "assumed ambient_degC = 22 (not logged)",
         f"wrote {out}",
     ]
-
-
-def test_a_failure_leaves_the_output_as_it_was(trainer, write, tmp_path):
-    out = write("o.csv", "precious")
-    path = write("a.csv", _TABLE.replace("21000", "warm"))
-    status, shown, error = trainer("import", path, "--format", "csv", "--map", write("m.yaml", _MAP), "-o", out)
-    assert (status, shown) == (1, "")
-    assert f"{path}: line 3, column a: 'warm'" in error
-    assert (tmp_path / "o.csv").read_text() == "precious"
-    assert sorted(each.name for each in tmp_path.iterdir()) == ["a.csv", "m.yaml", "o.csv"]

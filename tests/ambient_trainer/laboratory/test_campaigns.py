@@ -25,7 +25,6 @@ LABORATORY = [
     ("instruments.chamber.baud", 9600, "", "unknown key; pause_s"),
     ("instruments.chamber.kind", "oven", "", "'oven'; voetsch-vt4004"),
     ("instruments.chamber.kind", "agilent-34970a", "", "'agilent-34970a'"),
-    ("instruments.multiplexer.port", "/dev/ttyUSB0", "", "/dev/ttyUSB0; chamber"),
     ("instruments.multiplexer.port", "/dev/../dev/ttyUSB0", "", "/dev/../dev/ttyUSB0; chamber"),
     ("instruments.multiplexer.probes.air2", 100, "", "100"),
     ("instruments.multiplexer.probes.air2", 101, "instruments.multiplexer.probes", "101; air1 and air2"),

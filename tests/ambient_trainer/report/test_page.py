@@ -11,6 +11,7 @@ from ambient_model.faults import Refused
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
 from ambient_trainer.report.page import page_of, write_report
 from ambient_trainer.report.palette import SENSOR_COLOURS, sensor_colours
+from ambient_trainer.report.plots import panel_figure
 from ambient_trainer.report.terminal import for_terminal, print_report
 
 HOSTILE = "<b>x</b> & `<i>` 3 degC usb_degC"
@@ -40,8 +41,6 @@ def test_text_is_text_wherever_it_stands():
 
 
 def test_plots_are_numbered_and_sections_listed(tmp_path):
-    from ambient_trainer.report.plots import panel_figure
-
     figure = Figure(lambda: panel_figure("a", "b", 200), "caption")
     page = page_of(Report("title", [figure], [Section(f"part {k}", [figure]) for k in range(6)], {}))
     assert sorted(re.findall(r'id="(figure-\d)"', page)) == [f"figure-{k}" for k in range(1, 8)]

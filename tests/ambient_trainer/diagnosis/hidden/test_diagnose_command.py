@@ -105,27 +105,6 @@ def test_the_extended_circuit_fits_with_the_step(done, folder):
     assert sorted(inputs) == ["board", "chip", "radio", "shell"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "status", "words"),
-    [
-        ("day.csv --circuit nosuch", 1, "'nosuch'"),
-        ("day.csv --circuit lid.yaml --baseline renamed.csv", 1, "renamed.csv: line 1: no column 'shell_degC'"),
-        ("day.csv --circuit lid.yaml --to 200", 1, "at least 100"),
-        ("day.csv --circuit lid.yaml --later nan", 2, "--later"),
-        ("day.csv --circuit lid.yaml --extended lid.yaml", 2, "lid.yaml"),
-    ],
-)
-def test_a_wrong_call_names_what_is_wrong(trainer, monkeypatch, folder, arguments, status, words):
-    monkeypatch.chdir(folder)
-    (folder / "renamed.csv").write_text((folder / "day.csv").read_text().replace("shell_degC", "lid_degC"))
-    before = {each.name: each.read_bytes() for each in folder.glob("*.*") if each.is_file()}
-    returned, printed, errors = trainer("diagnose", *arguments.split())
-    assert returned == status
-    assert words in errors
-    assert printed == ""
-    assert before == {each.name: each.read_bytes() for each in folder.glob("*.*") if each.is_file()}
-
-
 def test_ctrl_c_stops_it_and_writes_nothing(interrupted, tmp_path):
     save_trace(str(tmp_path / "phone.csv"), simulate("3", seed=1, period_s=5.0).trace)
     out = ("--json", tmp_path / "out.json")

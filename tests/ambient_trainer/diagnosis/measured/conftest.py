@@ -32,18 +32,18 @@ SOURCES = {
 
 
 @pytest.fixture(scope="session")
-def measured(measured_folder, described, tmp_path_factory) -> Callable[[str], str]:
+def measured(beside, described, tmp_path_factory) -> Callable[[str], str]:
     """The path of the trace of a measured set; ``SOURCES`` has the names."""
     folder = tmp_path_factory.mktemp("measured")
 
     def imported(name: str) -> str:
         file, mapped = SOURCES[name]
         if mapped is None:
-            return str(measured_folder / file)
+            return str(beside("measured") / file)
         trace = folder / f"{name}.csv"
         if not trace.exists():
             layout = described / f"{mapped}.map.yaml"
-            _run("import", measured_folder / file, "--format", "csv", "--map", layout, "-o", trace)
+            _run("import", beside("measured") / file, "--format", "csv", "--map", layout, "-o", trace)
         return str(trace)
 
     return imported
