@@ -15,21 +15,22 @@ from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.choice import (
     ANSWERS,
     COINCIDE,
-    INSTRUMENT,
     WANDERS,
     correlation,
     leaves_a_leap,
     left_by_window,
     opens_with,
     twins,
+    worse_physics,
 )
 from ambient_trainer.diagnosis.greybox.choice import Step as Chosen
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.model import Mechanism
+from ambient_trainer.diagnosis.greybox.pruning import beside
 from ambient_trainer.diagnosis.greybox.regression import Fitted
 from ambient_trainer.diagnosis.greybox.revision import is_chosen
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.stepwise import Selection, beside
+from ambient_trainer.diagnosis.greybox.stepwise import Selection
 from ambient_trainer.diagnosis.greybox.trials import Trial, penalised
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Ranked, Step
@@ -303,7 +304,8 @@ def _handicap(other: Trial, chosen: Trial) -> float:
     if other.mechanism.responds and not chosen.mechanism.responds:
         return math.log(ANSWERS)
     blamed = other.mechanism.instrument and not chosen.mechanism.instrument
-    return math.log(INSTRUMENT) if blamed and not _offset_or_heat(other.mechanism, chosen.mechanism) else 0.0
+    judged = blamed and not _offset_or_heat(other.mechanism, chosen.mechanism)
+    return math.log(worse_physics(chosen.fitted.records)) if judged else 0.0
 
 
 def _offset_or_heat(one: Mechanism, other: Mechanism) -> bool:

@@ -4,13 +4,16 @@ from dataclasses import replace
 
 from ambient_trainer.diagnosis.greybox.choice import Step
 from ambient_trainer.diagnosis.greybox.mechanisms import coupling, heat, mass
-from ambient_trainer.diagnosis.greybox.model import GreyBox
+from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
 from ambient_trainer.diagnosis.greybox.revision import revised
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import screen
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
 from ambient_trainer.diagnosis.greybox.trials import Trial, compared
+
+from .conftest import heat as heat_by
 
 
 def test_heat_by_a_current_becomes_heat_by_its_square(circuit, simulated, recorded, seed):
@@ -30,6 +33,23 @@ def test_heat_by_a_current_becomes_heat_by_its_square(circuit, simulated, record
     assert [each.key[2] for each in after.model.mechanisms] == ["current_A^2", "wind_m_s"], seed
     assert after.held_out_rmse_degC < 0.5 * fitted.held_out_rmse_degC, seed
     assert revised([step], after, 0) is None, seed
+
+
+def test_what_takes_the_place_of_one_window_spares_the_other(circuit, simulated, recorded, seed):
+    held = recorded(simulated(seed, heat_W=lambda now, _: 0.002 * now["sun_W_m2"]))
+    bare = bare_fit(GreyBox.of(circuit), held)
+
+    def begun(before, mechanism):
+        return fit(before.model.with_mechanism(mechanism), held, prior=bare.prior).refitted()
+
+    def window(onset_s, end_s):
+        return Heat(("board",), (Number("heat_board", "W", 0.6, scale=1.0),), onset_s=onset_s, end_s=end_s)
+
+    first, sunny = begun(bare, window(0.0, 6000.0)), begun(bare, heat_by("sun_W_m2", 0.002))
+    both = begun(first, window(12000.0, 18000.0))
+    trials = [replace(Trial.of(bare, each), rmse_degC=1.0) for each in (first, sunny)]
+    _, after = revised([Step(bare, trials[0], tuple(trials), 2)], both, 0)
+    assert [each.key[2] for each in after.model.mechanisms] == ["sun_W_m2"], seed
 
 
 def test_what_acts_on_a_body_neither_takes_its_place_nor_outlives_it(circuit, simulated, recorded, seed):

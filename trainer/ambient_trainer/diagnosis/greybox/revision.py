@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ambient_trainer.diagnosis.greybox.choice import INSTRUMENT, LEAST_GAIN, Step
+from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step, worse_physics
 from ambient_trainer.diagnosis.greybox.model import Mechanism
+from ambient_trainer.diagnosis.greybox.pruning import pruned
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, complexity, identified, penalised
@@ -27,8 +28,9 @@ def revised(steps: Sequence[Step], fitted: Fitted, given: int) -> tuple[list[Ste
         index = _held_at(step, fitted, given)
         if step.chosen is None or index is None:
             continue
-        tried = {id(each): other for each in _near(step) if (other := _instead(fitted, index, each)) is not None}
-        better = [each for each in step.trials if id(each) in tried and _gains(fitted, tried[id(each)], index)]
+        fits = ((each, _instead(fitted, index, each, given)) for each in _near(step))
+        tried = {id(each): other for each, other in fits if other is not None}
+        better = [each for each in step.trials if id(each) in tried and _gains(fitted, tried[id(each)], index, each)]
         if not better:
             continue
         rival = min(better, key=lambda each: tried[id(each)].held_out_rmse_degC)
@@ -73,26 +75,31 @@ def _near(step: Step) -> Iterator[Trial]:
             yield each
 
 
-def _instead(fitted: Fitted, index: int, rival: Trial) -> Fitted | None:
-    """A fit with a rival in the place of one mechanism."""
+def _instead(fitted: Fitted, index: int, rival: Trial, given: int) -> Fitted | None:
+    """A fit with a rival in the place of one mechanism, and without those that it makes needless."""
     model = fitted.model.replaced(index, rival.fitted.model.mechanisms[-1])
     other = fit(model, fitted.records, tolerance=1e-3, prior=fitted.prior)
-    if other is None or other.rmse_degC > fitted.rmse_degC * np.exp(LEAST_GAIN):
+    # a cause that is right may spare windows that stood in for it
+    windows = sum(complexity(each) for each in fitted.model.mechanisms[given:] if not each.lasts)
+    if other is None or other.rmse_degC > fitted.rmse_degC * np.exp(LEAST_GAIN + PENALTY * windows):
         return None
     other = other if rival.lasting else sharpened(other, index)
-    return other if fitted.validated is None else other.refitted()
+    return pruned(other if fitted.validated is None else other.refitted(), given, index)
 
 
-def _gains(fitted: Fitted, other: Fitted, index: int) -> bool:
-    """Whether another mechanism in the place of one is sound and does better."""
-    mine, its = fitted.model.mechanisms[index], other.model.mechanisms[index]
-    if any(each.at_bound for each in its.numbers) or not identified(other, index):
+def _gains(fitted: Fitted, other: Fitted, index: int, rival: Trial) -> bool:
+    """Whether another mechanism in the place of one is sound and does better, by what both models assume."""
+    mine = fitted.model.mechanisms[index]
+    at = next(at for at, each in enumerate(other.model.mechanisms) if is_chosen(each, rival.mechanism))
+    its = other.model.mechanisms[at]
+    if any(each.at_bound for each in its.numbers) or not identified(other, at):
         return False
     lasting = mine.lasts and its.lasts
     before, after = (each.held_out.sum() if lasting else each.combed.sum() for each in (fitted, other))
-    assumed = PENALTY * (complexity(its) - complexity(mine))
-    least = np.log(INSTRUMENT) if its.instrument > mine.instrument else LEAST_GAIN
-    return bool(np.log(after / before) / 2 + assumed < -least)
+    assumed, instead = (sum(map(complexity, each.model.mechanisms)) for each in (fitted, other))
+    blamed = its.instrument > mine.instrument and len(other.model.mechanisms) == len(fitted.model.mechanisms)
+    least = np.log(worse_physics(fitted.records)) if blamed else LEAST_GAIN
+    return bool(np.log(after / before) / 2 + PENALTY * (instead - assumed) < -least)
 
 
 def _otherwise(step: Step, rival: Trial, fitted: Fitted, tried: dict[int, Fitted]) -> Step:

@@ -12,8 +12,9 @@ from ambient_model.faults import refuse
 from ambient_trainer.diagnosis.greybox.backward import steps_to
 from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, UNLIMITED, Limits, Step, choose
 from ambient_trainer.diagnosis.greybox.conducted import conducted
-from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
+from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.pairs import ABOVE_FLOOR, Progress, beside_second, each_its_own, pair
+from ambient_trainer.diagnosis.greybox.pruning import pruned
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit
 from ambient_trainer.diagnosis.greybox.revision import revised
 from ambient_trainer.diagnosis.greybox.scene import Scene
@@ -25,7 +26,7 @@ from ambient_trainer.diagnosis.greybox.screening import (
     screen,
     shortlist,
 )
-from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, cheap, compared, complexity
+from ambient_trainer.diagnosis.greybox.trials import Trial, cheap, compared
 from ambient_trainer.diagnosis.greybox.windows import sharpened
 from ambient_trainer.diagnosis.record import Record
 
@@ -96,7 +97,7 @@ def _forward(
         last = steps[-1].chosen
         if last is not None:
             _log.info("%s: %.3f -> %.3f", last.mechanism, fitted.held_out_rmse_degC, last.rmse_degC)
-            fitted = pruned(last.fitted, given)
+            fitted = pruned(last.fitted, given, len(last.fitted.model.mechanisms) - 1)
             continue
         coarse_degC, fitted = fitted.held_out_rmse_degC, _retuned(fitted, given)
         finer = fitted.held_out_rmse_degC < np.exp(-LEAST_GAIN) * coarse_degC
@@ -182,44 +183,6 @@ def _compared(points: Sequence[Fitted], offered: Offered, said: Progress) -> tup
     trials = compared(points[0], shortlist(screened), partial(said, "try"))
     _log.debug("\n".join(f"{each.rmse_degC:.3f} {each.fitted.rmse_degC:.3f} {each.mechanism}" for each in trials))
     return len({each.mechanism.key for each in screened}), tuple(trials)
-
-
-def _without_a_place(mechanism: Mechanism) -> list[Mechanism]:
-    """A mechanism without each of its places, where each has numbers of its own."""
-    count = len(mechanism.places)
-    if count < 2 or len(mechanism.numbers) % count:
-        return []
-    return [mechanism.at_places([each for each in range(count) if each != out]) for out in range(count)]
-
-
-def pruned(fitted: Fitted, given: int) -> Fitted:
-    """The model without mechanisms, and places of heat, that later ones have made needless; the first ``given`` are the
-    circuit's own."""
-    model = fitted.model
-    last = len(model.mechanisms) - 1
-    for index, mechanism in list(enumerate(model.mechanisms))[given:]:
-        # what acts for a while was gained on short stretches, and is judged by its folds: it has to be quite needless
-        assumed = complexity(mechanism) if mechanism.lasts else 0.0
-        less = [] if model.carries(index) or index == last else [(model.without(index), assumed)]
-        if mechanism.cause == "heat_source":
-            fewer = _without_a_place(mechanism)
-            less += [(model.replaced(index, each), assumed - complexity(each)) for each in fewer]
-        for each, spared in less:
-            most = LEAST_GAIN / 2 + PENALTY * spared
-            without = beside(fitted, each, float(np.exp(most + LEAST_GAIN)) * fitted.rmse_degC)
-            if without and np.log(without.held_out_rmse_degC / fitted.held_out_rmse_degC) <= most:
-                _log.info("dropped %s, or a place of it", mechanism)
-                return pruned(without, given)
-    return fitted
-
-
-def beside(fitted: Fitted, model: GreyBox, most_degC: float = np.inf) -> Fitted | None:
-    """Another model on the records of a fit, by the same measure; None where it leaves more than ``most_degC``."""
-    other = fit(model, fitted.records, [None for _ in fitted.runs], tolerance=1e-3, prior=fitted.prior)
-    if other is None or other.rmse_degC > most_degC:
-        return None
-    # to first order, or by fits without each fold
-    return other if fitted.validated is None else other.refitted()
 
 
 def anchors(model: GreyBox, records: Sequence[Record]) -> list[Fitted]:
