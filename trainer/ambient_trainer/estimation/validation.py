@@ -64,13 +64,14 @@ def held_out(
 ) -> list[list[Moment]]:
     """For each of ``count`` blocks the estimate of a filter that ran through it and was not trained on it.
 
-    A search begins at ``start``. Blocks without a reference are left out; cancelled, so are those not done.
+    The last two are held out together, so that what comes later is foretold. A search begins at ``start``. Blocks
+    without a reference are left out; cancelled, so are those not done.
     """
     lengths = [each.inputs.shape[1] for each in segments]
     number = np.arange(sum(lengths)) * count // sum(lengths)
     blocks = []
-    for block in range(count):
-        masks = np.split(number == block, np.cumsum(lengths)[:-1])
+    for out in (*(number == block for block in range(count - 2)), number >= count - 2):
+        masks = np.split(out, np.cumsum(lengths)[:-1])
         hidden = [np.where(mask, each.outputs[0], np.nan) for each, mask in zip(segments, masks)]
         if np.isnan(np.concatenate(hidden)).all():
             continue

@@ -39,6 +39,13 @@ def test_of_what_a_controller_heats_a_share_follows_the_ambient():
     assert fit.rmse_degC < 0.5 * fit.baseline.rmse_degC
 
 
+def test_what_is_searched_is_what_is_exported_where_the_air_is_near_zero_and_the_sensor_is_not():
+    air = np.random.default_rng(1).normal(0, 0.1, 600).cumsum()
+    logged = Segment(10.0, 20 + 0.8 * (air - air.mean())[None], (air - air.mean())[None])
+    best = search(structure := constrained([logged], True, 1, 0.01), 1, 0).best
+    assert dc_gain(structure.system(best.theta, best.beta)).sum() == pytest.approx(1, abs=1e-3)
+
+
 def choice(order, noise_degC, offset_degC, *errors_degC):
     return Choice(True, order, noise_degC, offset_degC, tuple(each**2 for each in errors_degC))
 
