@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from ambient_trainer.simulator.additions import AIR, TERMS, Additions, together
 from ambient_trainer.simulator.device import load_device
@@ -53,6 +54,12 @@ def _added(effect, setting, number=0):
     return setting.with_hidden(effect, lambda: np.random.default_rng(4)).part(number)
 
 
+def _run(count=_COUNT):
+    activity = np.full(count, _PHONE.activity_index([]))
+    activity[200:700] = _PHONE.activity_index(["cpu_50"])
+    return Run(_PHONE, 10.0, 10.0 + 15.0 * np.arange(count) / count, activity, np.ones(count), 0)
+
+
 def _means(values):
     return (values[:-1] + values[1:]) / 2
 
@@ -61,10 +68,7 @@ def _means(values):
 def driven():
     """Every effect in one batch: the run, what was added, and what came of it."""
     parts = [_added(effect, _setting(effect)) for effect in _ALL]
-    activity = np.full(_COUNT, _PHONE.activity_index([]))
-    activity[200:700] = _PHONE.activity_index(["cpu_50"])
-    run = Run(_PHONE, 10.0, 10.0 + 15.0 * np.arange(_COUNT) / _COUNT, activity, np.ones(_COUNT), 0)
-    return dict(zip(_ALL, zip(parts, integrate([run] * len(_ALL), 1.0, added=parts))))
+    return dict(zip(_ALL, zip(parts, integrate([_run()] * len(_ALL), 1.0, added=parts))))
 
 
 @pytest.mark.parametrize("effect", _ALL, ids=hidden_text)
@@ -93,6 +97,24 @@ def test_heat_in_is_heat_stored_plus_heat_lost(driven, effect):
     moved_J = np.abs(taken_W).sum() + np.abs(terms_W + outside_W).sum()
     assert stored_J == pytest.approx(budget_J, abs=1e-4 * moved_J)
     assert moved_J > 100
+
+
+def test_integration_agrees_with_an_adaptive_solver():
+    effects = [_BODIES[0], _BODIES[3], _BODIES[5], _LOSSES[0], _LOSSES[3], _HEAT[0]]
+    part = together([_added(effect, _setting(effect), number) for number, effect in enumerate(effects)])
+    run = _run(500)
+    ours = integrate([run], 1.0, added=[part])[0]
+    additions = Additions(HeatBalance([run.device]), [part])
+    state = np.concatenate([ours.nodes_degC[0], ours.bodies_degC[0]])
+    for k in range(len(run.air_degC) - 1):
+        demand = additions.balance.demand(run.activity[k : k + 1], np.ones(1))
+        rates, slope = additions.rates_during(k), run.air_degC[k + 1] - run.air_degC[k]
+
+        def derivative(t, x, rates=rates, air=run.air_degC[k], slope=slope, demand=demand):
+            return rates(x[None], np.array([air + slope * t]), demand)[0]
+
+        state = solve_ivp(derivative, (0, 1.0), state, method="DOP853", rtol=1e-9, atol=1e-9).y[:, -1]
+    assert np.concatenate([ours.nodes_degC[-1], ours.bodies_degC[-1]]) == pytest.approx(state, abs=1e-3)
 
 
 def test_what_is_attached_since_ever_is_at_rest_with_the_phone():

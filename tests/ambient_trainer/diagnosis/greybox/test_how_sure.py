@@ -12,8 +12,8 @@ from ambient_trainer.diagnosis.greybox.choice import Step
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
-from ambient_trainer.diagnosis.greybox.pruning import beside, pruned
 from ambient_trainer.diagnosis.greybox.regression import fit
+from ambient_trainer.diagnosis.greybox.revision import beside, pruned
 from ambient_trainer.diagnosis.greybox.stepwise import Selection, bare_fit
 from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.result import UNKNOWN
@@ -85,7 +85,7 @@ def test_what_gains_less_than_a_step_has_to_goes(fits):
     _, _, both = fits
     lost = np.log(beside(both, both.model.without(0)).held_out_rmse_degC / both.held_out_rmse_degC)
     assert 0.025 < lost < 0.085
-    assert [each.driver.text for each in pruned(both, 0, 1).model.mechanisms] == ["sun_W_m2"]
+    assert [each.driver.text for each in pruned(both, 0).model.mechanisms] == ["sun_W_m2"]
 
 
 def test_it_is_not_sure_though_it_gained_much_when_it_was_taken(fits):

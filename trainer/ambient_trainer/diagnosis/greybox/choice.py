@@ -14,7 +14,10 @@ from ambient_trainer.diagnosis.record import Record
 
 LEAST_GAIN = 0.05
 """Of the held-out error's logarithm: a step that gains less is curve fitting."""
-_INSTRUMENT, _CHANGED, _HALF, _LEFT = 1.3, 1.1, 0.5, 0.7
+_INSTRUMENT, _CHANGED = 1.3, 1.1
+"""See :func:`worse_physics`; the second beside known-good records."""
+_HALF, _LEFT = 0.5, 0.7
+"""Of the error at the sensor that is blamed, what may be left; the second beside known-good records."""
 _SURE = 1.645
 _LASTING, _HELD, ANSWERS, COINCIDE = 1.3, 1.05, 1.5, 0.6
 _TWINS = 0.9

@@ -129,6 +129,12 @@ class Mechanism:
         """Whether it acts all the time."""
         return (self.onset_s, self.end_s) == (None, None)
 
+    def meets(self, other: Mechanism) -> bool:
+        """Whether there is a time at which both act."""
+        onsets = (each.onset_s for each in (self, other) if each.onset_s is not None)
+        ends = (each.end_s for each in (self, other) if each.end_s is not None)
+        return max(onsets, default=-np.inf) < min(ends, default=np.inf)
+
     def apply(self, network: Network, values: Array, record: Record) -> None:
         """Add it to ``network``; ``values`` (P, k) are its numbers in each lane."""
         raise NotImplementedError

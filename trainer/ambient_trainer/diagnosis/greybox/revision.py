@@ -1,4 +1,5 @@
-"""Earlier steps are revised by later ones: what did nearly as well may do better beside what was found since."""
+"""Earlier steps are revised by later ones: what did nearly as well may do better beside what was found since, and what
+is needless beside it goes."""
 
 from __future__ import annotations
 
@@ -7,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ambient_trainer.diagnosis.greybox.backward import score
 from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step, worse_physics
-from ambient_trainer.diagnosis.greybox.model import Mechanism
-from ambient_trainer.diagnosis.greybox.pruning import pruned
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, complexity, identified, penalised
@@ -28,12 +29,13 @@ def revised(steps: Sequence[Step], fitted: Fitted, given: int) -> tuple[list[Ste
         index = _held_at(step, fitted, given)
         if step.chosen is None or index is None:
             continue
-        fits = ((each, _instead(fitted, index, each, given)) for each in _near(step))
+        fits = ((each, _instead(fitted, index, each)) for each in _near(step))
         tried = {id(each): other for each, other in fits if other is not None}
-        better = [each for each in step.trials if id(each) in tried and _gains(fitted, tried[id(each)], index, each)]
+        mine = fitted.model.mechanisms[index]
+        better = [each for each in step.trials if id(each) in tried and _gains(fitted, mine, tried[id(each)], each)]
         if not better:
             continue
-        rival = min(better, key=lambda each: tried[id(each)].held_out_rmse_degC)
+        rival = min(better, key=lambda each: score(tried[id(each)]))
         return [*steps[:at], _otherwise(step, rival, fitted, tried), *steps[at + 1 :]], tried[id(rival)]
     return None
 
@@ -48,7 +50,8 @@ def _held_at(step: Step, fitted: Fitted, given: int) -> int | None:
 def is_chosen(final: Mechanism, chosen: Mechanism) -> bool:
     """Whether a mechanism is one that was chosen, perhaps without places that were dropped since."""
     forms = [None if each.driver is None else each.driver.form for each in (final, chosen)]
-    return final.cause == chosen.cause and forms[0] == forms[1] and set(final.places) <= set(chosen.places)
+    alike = final.cause == chosen.cause and forms[0] == forms[1] and set(final.places) <= set(chosen.places)
+    return alike and final.lasts == chosen.lasts and final.meets(chosen)
 
 
 def _near(step: Step) -> Iterator[Trial]:
@@ -75,42 +78,105 @@ def _near(step: Step) -> Iterator[Trial]:
             yield each
 
 
-def _instead(fitted: Fitted, index: int, rival: Trial, given: int) -> Fitted | None:
-    """A fit with a rival in the place of one mechanism, and without those that it makes needless."""
+def _instead(fitted: Fitted, index: int, rival: Trial) -> Fitted | None:
+    """A fit with a rival in the place of one mechanism, and without windows that it makes needless."""
     model = fitted.model.replaced(index, rival.fitted.model.mechanisms[-1])
     other = fit(model, fitted.records, tolerance=1e-3, prior=fitted.prior)
     # a cause that is right may spare windows that stood in for it
-    windows = sum(complexity(each) for each in fitted.model.mechanisms[given:] if not each.lasts)
+    windows = sum(complexity(each) for each in fitted.model.mechanisms if not each.lasts)
     if other is None or other.rmse_degC > fitted.rmse_degC * np.exp(LEAST_GAIN + PENALTY * windows):
         return None
     other = other if rival.lasting else sharpened(other, index)
-    return pruned(other if fitted.validated is None else other.refitted(), given, index)
+    if any(each.at_bound for each in other.model.mechanisms[index].numbers) or not identified(other, index):
+        return None
+    return without_windows(other if fitted.validated is None else other.refitted(), index)
 
 
-def _gains(fitted: Fitted, other: Fitted, index: int, rival: Trial) -> bool:
-    """Whether another mechanism in the place of one is sound and does better, by what both models assume."""
-    mine = fitted.model.mechanisms[index]
-    at = next(at for at, each in enumerate(other.model.mechanisms) if is_chosen(each, rival.mechanism))
-    its = other.model.mechanisms[at]
-    if any(each.at_bound for each in its.numbers) or not identified(other, at):
-        return False
-    lasting = mine.lasts and its.lasts
-    before, after = (each.held_out.sum() if lasting else each.combed.sum() for each in (fitted, other))
-    assumed, instead = (sum(map(complexity, each.model.mechanisms)) for each in (fitted, other))
-    blamed = its.instrument > mine.instrument and len(other.model.mechanisms) == len(fitted.model.mechanisms)
+def _gains(fitted: Fitted, mine: Mechanism, other: Fitted, rival: Trial) -> bool:
+    """Whether a model with a rival in the place of one mechanism does better, by what both assume."""
+    before, after = (
+        each.held_out.sum() if mine.lasts and rival.lasting else each.combed.sum() for each in (fitted, other)
+    )
+    blamed = rival.mechanism.instrument > mine.instrument and len(other.model.mechanisms) == len(
+        fitted.model.mechanisms
+    )
     least = np.log(worse_physics(fitted.records)) if blamed else LEAST_GAIN
-    return bool(np.log(after / before) / 2 + PENALTY * (instead - assumed) < -least)
+    return bool(np.log(after / before) / 2 + PENALTY * (_assumed(other) - _assumed(fitted)) < -least)
+
+
+def _assumed(fitted: Fitted) -> float:
+    return sum(map(complexity, fitted.model.mechanisms))
 
 
 def _otherwise(step: Step, rival: Trial, fitted: Fitted, tried: dict[int, Fitted]) -> Step:
     """The step with a rival chosen; what was tried again beside all others is as much worse as it is there."""
     assert step.chosen is not None
-    best = np.log(tried[id(rival)].rmse_degC)
     rest = [each for each in step.trials if each is not rival]
-    left = {id(each): np.log(tried[id(each)].rmse_degC) for each in rest if id(each) in tried}
-    left |= {id(each): np.log(fitted.rmse_degC) for each in rest if each.mechanism.key == step.chosen.mechanism.key}
+    fits = {id(each): fitted for each in rest if each.mechanism.key == step.chosen.mechanism.key} | tried
+    left = {id(each): _left(fits[id(each)], each) for each in step.trials if id(each) in fits}
+    best = left[id(rival)]
     worse = (
         replace(each, rmse_degC=rival.rmse_degC * float(np.exp(left[id(each)] - best))) if id(each) in left else each
         for each in rest
     )
     return replace(step, chosen=rival, trials=(rival, *worse))
+
+
+def _left(fitted: Fitted, trial: Trial) -> float:
+    """What a model leaves in sample, and assumes besides a trial's own mechanism."""
+    return float(np.log(fitted.rmse_degC)) + PENALTY * (_assumed(fitted) - complexity(trial.mechanism))
+
+
+def _without_a_place(mechanism: Mechanism) -> list[Mechanism]:
+    """A mechanism without each of its places, where each has numbers of its own."""
+    count = len(mechanism.places)
+    if count < 2 or len(mechanism.numbers) % count:
+        return []
+    return [mechanism.at_places([each for each in range(count) if each != out]) for out in range(count)]
+
+
+def pruned(fitted: Fitted, given: int) -> Fitted:
+    """The model without mechanisms, and places of heat, that later ones have made needless; the first ``given`` are the
+    circuit's own."""
+    model = fitted.model
+    last = len(model.mechanisms) - 1
+    for index, mechanism in list(enumerate(model.mechanisms))[given:]:
+        # what acts for a while was gained on short stretches, and is judged by its folds: it has to be quite needless
+        assumed = complexity(mechanism) if mechanism.lasts else 0.0
+        less = [] if model.carries(index) or index == last else [(model.without(index), assumed)]
+        if mechanism.cause == "heat_source":
+            fewer = _without_a_place(mechanism)
+            less += [(model.replaced(index, each), assumed - complexity(each)) for each in fewer]
+        for each, spared in less:
+            without = _as_good(fitted, each, spared)
+            if without is not None:
+                return pruned(without, given)
+    return fitted
+
+
+def without_windows(fitted: Fitted, kept: int) -> Fitted:
+    """The model without what acts for a while and is needless, but for the mechanism at ``kept``."""
+    for index, mechanism in enumerate(fitted.model.mechanisms):
+        if mechanism.lasts or index == kept or fitted.model.carries(index):
+            continue
+        without = _as_good(fitted, fitted.model.without(index), 0.0)
+        if without is not None:
+            return without_windows(without, kept - (index < kept))
+    return fitted
+
+
+def _as_good(fitted: Fitted, less: GreyBox, spared: float) -> Fitted | None:
+    """The fit of a model that assumes so much less, unless that is missed."""
+    most = LEAST_GAIN / 2 + PENALTY * spared
+    without = beside(fitted, less, float(np.exp(most + LEAST_GAIN)) * fitted.rmse_degC)
+    missed = without is None or np.log(without.held_out_rmse_degC / fitted.held_out_rmse_degC) > most
+    return None if missed else without
+
+
+def beside(fitted: Fitted, model: GreyBox, most_degC: float = np.inf) -> Fitted | None:
+    """Another model on the records of a fit, by the same measure; None where it leaves more than ``most_degC``."""
+    other = fit(model, fitted.records, [None for _ in fitted.runs], tolerance=1e-3, prior=fitted.prior)
+    if other is None or other.rmse_degC > most_degC:
+        return None
+    # to first order, or by fits without each fold
+    return other if fitted.validated is None else other.refitted()

@@ -14,9 +14,8 @@ from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, UNLIMITED, Limi
 from ambient_trainer.diagnosis.greybox.conducted import conducted
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.pairs import ABOVE_FLOOR, Progress, beside_second, each_its_own, pair
-from ambient_trainer.diagnosis.greybox.pruning import pruned
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit
-from ambient_trainer.diagnosis.greybox.revision import revised
+from ambient_trainer.diagnosis.greybox.revision import pruned, revised
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import (
     Offered,
@@ -97,7 +96,7 @@ def _forward(
         last = steps[-1].chosen
         if last is not None:
             _log.info("%s: %.3f -> %.3f", last.mechanism, fitted.held_out_rmse_degC, last.rmse_degC)
-            fitted = pruned(last.fitted, given, len(last.fitted.model.mechanisms) - 1)
+            fitted = pruned(last.fitted, given)
             continue
         coarse_degC, fitted = fitted.held_out_rmse_degC, _retuned(fitted, given)
         finer = fitted.held_out_rmse_degC < np.exp(-LEAST_GAIN) * coarse_degC
