@@ -62,19 +62,18 @@ def held_out(
     progress: Progress | None,
     budget: Budget,
 ) -> list[list[Moment]]:
-    """For each of ``count`` blocks the estimate of a filter that ran through it and was not trained on it.
+    """The estimates over ``count`` blocks, the last two as one, of filters that were not trained on them.
 
-    The last two are held out together, so that what comes later is foretold. A search begins at ``start``. Blocks
-    without a reference are left out; cancelled, so are those not done.
+    Blocks have as many samples with a reference each, of the segments in their order; that of the last two foretells
+    what comes later. A search begins at ``start``. Cancelled, the blocks that are not done are left out.
     """
-    lengths = [each.inputs.shape[1] for each in segments]
-    number = np.arange(sum(lengths)) * count // sum(lengths)
+    known = [~np.isnan(each.outputs[0]) for each in segments]
+    before = np.cumsum(np.concatenate(known)) - np.concatenate(known)
+    number = np.minimum(before * count // sum(map(np.count_nonzero, known)), count - 2)
     blocks = []
-    for out in (*(number == block for block in range(count - 2)), number >= count - 2):
-        masks = np.split(out, np.cumsum(lengths)[:-1])
+    for block in np.unique(number):
+        masks = np.split(number == block, np.cumsum([len(each) for each in known])[:-1])
         hidden = [np.where(mask, each.outputs[0], np.nan) for each, mask in zip(segments, masks)]
-        if np.isnan(np.concatenate(hidden)).all():
-            continue
         kept = [replace(s, outputs=np.where(mask, np.nan, s.outputs)) for s, mask in zip(segments, masks)]
         structure = structure_of(kept)
         structure.search = replace(structure.search, initial=start)
