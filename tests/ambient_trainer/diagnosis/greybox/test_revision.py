@@ -7,7 +7,7 @@ from ambient_trainer.diagnosis.greybox.mechanisms import coupling, heat, mass
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
-from ambient_trainer.diagnosis.greybox.revision import revised
+from ambient_trainer.diagnosis.greybox.revision import is_chosen, revised
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import screen
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
@@ -50,6 +50,12 @@ def test_what_takes_the_place_of_one_window_spares_the_other(circuit, simulated,
     trials = [replace(Trial.of(bare, each), rmse_degC=1.0) for each in (first, sunny)]
     _, after = revised([Step(bare, trials[0], tuple(trials), 2)], both, 0)
     assert [each.key[2] for each in after.model.mechanisms] == ["sun_W_m2"], seed
+
+
+def test_what_was_chosen_is_told_from_another_window_at_the_same_place():
+    early = Heat(("board",), (), onset_s=0, end_s=9)
+    late, always = replace(early, onset_s=9, end_s=18), replace(early, onset_s=None, end_s=None)
+    assert [is_chosen(each, early) for each in (replace(early, onset_s=0.5), late, always)] == [True, False, False]
 
 
 def test_what_acts_on_a_body_neither_takes_its_place_nor_outlives_it(circuit, simulated, recorded, seed):

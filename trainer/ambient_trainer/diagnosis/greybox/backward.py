@@ -14,7 +14,7 @@ from ambient_trainer.diagnosis.greybox.mechanisms import heat, mass, path
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
 from ambient_trainer.diagnosis.greybox.scene import THERMOELECTRIC, WARMING, Scene
-from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, begins_apart, complexity, identified
+from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, assumed, begins_apart, identified
 
 _HEATING = (*WARMING, "_frac", "_on", "_lux", "_A^2")
 _MOST_NUMBERS, _SAMPLES_PER_NUMBER = 30, 20
@@ -27,7 +27,7 @@ _TRIED, _MANY, _FEW = 4, 60, 20
 
 def score(fitted: Fitted) -> float:
     """The logarithm of the held-out error, and what a model takes for granted."""
-    return float(np.log(fitted.held_out_rmse_degC)) + PENALTY * sum(map(complexity, fitted.model.mechanisms))
+    return float(np.log(fitted.held_out_rmse_degC)) + PENALTY * assumed(fitted.model)
 
 
 def eliminated(bare: Fitted) -> Fitted | None:

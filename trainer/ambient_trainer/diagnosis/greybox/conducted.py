@@ -17,7 +17,7 @@ from ambient_trainer.diagnosis.greybox.mechanisms import path
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit_near
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, complexity, identified, penalised
+from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, assumed, identified, penalised
 from ambient_trainer.diagnosis.record import Record
 
 _MOST_PLACES, _ORIGINS = 6, 2
@@ -44,7 +44,7 @@ def conducted(step: Step) -> list[Step]:
     tree = _ended(_exchanged(min(trees, key=_left), given + 1, paths)).refitted()
     added = range(given, len(tree.model.mechanisms))
     sound = all(identified(tree, index) for index in added) and not tree.at_bounds - before.at_bounds
-    several = penalised(step.chosen) + PENALTY * sum(map(complexity, before.model.mechanisms))
+    several = penalised(step.chosen) + PENALTY * assumed(before.model)
     if not sound or score(tree) > several - LEAST_GAIN:
         return []
     return [replace(each, trials=tuple(_rivals(each, step, paths))) for each in steps_to(before, tree, step.tried)]

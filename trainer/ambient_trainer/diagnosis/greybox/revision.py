@@ -13,7 +13,7 @@ from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step, worse_phy
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, complexity, identified, penalised
+from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, assumed, complexity, identified, penalised
 from ambient_trainer.diagnosis.greybox.windows import sharpened
 
 _NEAR, _RIVALS = 0.15, 3
@@ -94,18 +94,12 @@ def _instead(fitted: Fitted, index: int, rival: Trial) -> Fitted | None:
 
 def _gains(fitted: Fitted, mine: Mechanism, other: Fitted, rival: Trial) -> bool:
     """Whether a model with a rival in the place of one mechanism does better, by what both assume."""
-    before, after = (
-        each.held_out.sum() if mine.lasts and rival.lasting else each.combed.sum() for each in (fitted, other)
-    )
-    blamed = rival.mechanism.instrument > mine.instrument and len(other.model.mechanisms) == len(
-        fitted.model.mechanisms
-    )
+    lasting = mine.lasts and rival.lasting
+    before, after = (each.held_out.sum() if lasting else each.combed.sum() for each in (fitted, other))
+    spares = len(other.model.mechanisms) < len(fitted.model.mechanisms)
+    blamed = rival.mechanism.instrument > mine.instrument and not spares
     least = np.log(worse_physics(fitted.records)) if blamed else LEAST_GAIN
-    return bool(np.log(after / before) / 2 + PENALTY * (_assumed(other) - _assumed(fitted)) < -least)
-
-
-def _assumed(fitted: Fitted) -> float:
-    return sum(map(complexity, fitted.model.mechanisms))
+    return bool(np.log(after / before) / 2 + PENALTY * (assumed(other.model) - assumed(fitted.model)) < -least)
 
 
 def _otherwise(step: Step, rival: Trial, fitted: Fitted, tried: dict[int, Fitted]) -> Step:
@@ -124,7 +118,7 @@ def _otherwise(step: Step, rival: Trial, fitted: Fitted, tried: dict[int, Fitted
 
 def _left(fitted: Fitted, trial: Trial) -> float:
     """What a model leaves in sample, and assumes besides a trial's own mechanism."""
-    return float(np.log(fitted.rmse_degC)) + PENALTY * (_assumed(fitted) - complexity(trial.mechanism))
+    return float(np.log(fitted.rmse_degC)) + PENALTY * (assumed(fitted.model) - complexity(trial.mechanism))
 
 
 def _without_a_place(mechanism: Mechanism) -> list[Mechanism]:
@@ -142,11 +136,11 @@ def pruned(fitted: Fitted, given: int) -> Fitted:
     last = len(model.mechanisms) - 1
     for index, mechanism in list(enumerate(model.mechanisms))[given:]:
         # what acts for a while was gained on short stretches, and is judged by its folds: it has to be quite needless
-        assumed = complexity(mechanism) if mechanism.lasts else 0.0
-        less = [] if model.carries(index) or index == last else [(model.without(index), assumed)]
+        spare = complexity(mechanism) if mechanism.lasts else 0.0
+        less = [] if model.carries(index) or index == last else [(model.without(index), spare)]
         if mechanism.cause == "heat_source":
             fewer = _without_a_place(mechanism)
-            less += [(model.replaced(index, each), assumed - complexity(each)) for each in fewer]
+            less += [(model.replaced(index, each), spare - complexity(each)) for each in fewer]
         for each, spared in less:
             without = _as_good(fitted, each, spared)
             if without is not None:

@@ -249,6 +249,11 @@ def complexity(mechanism: Mechanism) -> float:
     return 0.5 + mechanism.assumes + 0.5 * len(mechanism.numbers) + driver + electric + bounds
 
 
+def assumed(model: GreyBox) -> float:
+    """What all mechanisms of a model assume."""
+    return sum(map(complexity, model.mechanisms))
+
+
 def penalised(trial: Trial) -> float:
     """The logarithm of the held-out error, and what a mechanism assumes."""
     return float(np.log(trial.rmse_degC)) + PENALTY * complexity(trial.mechanism)
