@@ -16,7 +16,7 @@ from types import CodeType
 from ambient_model.error_variance import gains
 from ambient_model.model import SCORES, Discrete, ErrorVariance, Input, Model, ReadingModel
 from ambient_model.tracking import DEGRADED, TRACKING, WARMING_UP
-from ambient_model.validation import DOUBT_S, SENTINELS_DEGC, SLOW_S, Validation
+from ambient_model.validation import DOUBT_S, SLOW_S, Validation
 
 _HEAD = """
 from math import sqrt
@@ -179,12 +179,13 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
         *([f"{_list(last)} = validation._last"] if any(each.turn for each in model.sensors) else []),
         "doubt_degC2 = 0.0",
     ]
-    for i, (constant, weights, gain) in enumerate(Validation(model, whole.main, period_s).usual()):
+    validation = Validation(model, whole.main, period_s)
+    for i, (constant, weights, gain) in enumerate(validation.usual()):
         turn = model.sensors[i].turn
         lines += [
             f"{d[i]} = {u[i]} - {constant!r} - ({_sum((weights, z))})",
             f"if {d[i]} > {releases[i]} or {d[i]} < -{releases[i]}:",
-            f"    if {u[i]} in {SENTINELS_DEGC!r}:",
+            f"    if {u[i]} in {validation.sentinels[i]!r}:",
             "        return None",
             f"    if not -gates[{i}] <= {d[i]} <= gates[{i}]:",
             f"        doubt_degC2 = max(doubt_degC2, ({gain!r} * {d[i]}) ** 2)",

@@ -140,6 +140,8 @@ class Validation:
         columns = [[float(row == column) for row in range(count)] for column in range(count)]
         states = [equilibrium(estimator.initial, column) for column in columns]
         first = estimator.discrete[0]
+        self.sentinels = [SENTINELS_DEGC if each.unit == "degC" else () for each in estimator.inputs]
+        """What is no reading of each."""
         self.gains = [sum(map(mul, first.C[0], x)) + direct for x, direct in zip(states, first.D[0])]
         """DC gain of the estimate per input."""
         low, high = estimator.interval[90]
@@ -471,7 +473,7 @@ class Validation:
             constant, weights, gate, slow_gate, release, _ = expectation
             d = value - constant - dot(weights, z)
             if not -release <= d <= release:
-                if value in SENTINELS_DEGC and self._still[i][1] != value:
+                if value in self.sentinels[i] and self._still[i][1] != value:
                     jumped.append(i)
                 if not -gate <= d <= gate:
                     doubt_degC2 = max(doubt_degC2, (self.gains[i] * d) ** 2)
@@ -532,9 +534,14 @@ class Validation:
             for _, sensors in sorted(zip(self._evidence(z, sets), sets), key=_first, reverse=True):
                 apart = self._apart | sensors
                 kept = [i for i in present if i not in sensors]
-                if all(abs(z[i] - self._expected(apart, i, z)) <= self._beyond(apart, i) for i in kept):
+                if all(self._begins_right(apart, i, z) for i in kept):
                     return sensors
-        return _NONE
+        # where no others are there, or they do not agree either
+        return frozenset([i for i in present if z[i] in self.sentinels[i] and not self._begins_right(_NONE, i, z)])
+
+    def _begins_right(self, apart: Sensors, i: int, z: list[float]) -> bool:
+        """Whether a reading at the start lies about where the training began, given those that are not ``apart``."""
+        return abs(z[i] - self._expected(apart, i, z)) <= self._beyond(apart, i)
 
     def _beyond(self, apart: Sensors, i: int) -> float:
         return max(self._expectation(apart, i).gate, self._model.sensors[i].start) + _START_K

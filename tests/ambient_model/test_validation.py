@@ -301,3 +301,26 @@ def test_a_snapshot_continues_alike(model: Model, observer: Observer) -> None:
     assert found[0].used == pytest.approx(found[1].used, abs=0.05)
     assert lie.status == found[0].status == found[1].status == "degraded"
     assert not Observer(model._replace(readings=None), other.tracker).fits(main, background)
+
+
+@pytest.mark.parametrize("value", [0.0, 85.0])
+def test_a_lone_sensor_that_begins_with_what_is_no_reading_is_not_believed(model: Model, value: float) -> None:
+    [discrete] = model.main.discrete
+    main = model.main._replace(inputs=model.main.inputs[:1], discrete=(discrete._replace(D=((1.0,),)),))
+    readings = model.readings._replace(lags_s=(), mean=(25.0,), precision=((0.25,),), sensors=(LIMITS,))
+    observer = observer_of(model._replace(main=main, readings=readings))
+    assert {observer.update(float(k), [value]).status for k in range(5)} == {"faulted"}
+    assert [observer.update(float(k), [25.1]).ambient_degC for k in range(5, 20)][-1] == pytest.approx(25.1)
+
+
+def test_what_is_no_temperature_may_jump_and_stay(model: Model) -> None:
+    """A current of 0 A is no sensor without a value; a temperature beside it that jumps is still refused."""
+    inputs = (*model.main.inputs[:3], model.main.inputs[3]._replace(name="current", unit="A"))
+    unjudged = LIMITS._replace(step=1.0, jump=1e9, still_s=1e9, start=1e9)
+    changed = model.readings._replace(sensors=(LIMITS,) * 3 + (unjudged,), precision=precision_of(np.eye(8) * 9))
+    observer = observer_of(model._replace(main=model.main._replace(inputs=inputs), readings=changed))
+    for current_A in (26.0, 0.0, 22.0, 0.0):
+        fed(observer, 50, lambda k, u, now_A=current_A: [*u[:3], now_A], start=int(observer.tracker.step + 1))
+        assert not observer.validation.refused
+    fed(observer, 20, lambda k, u: [85.0, *u[1:3], 0.0], start=int(observer.tracker.step + 1))
+    assert list(observer.validation.refused) == [0]

@@ -120,3 +120,33 @@ def test_limits_are_those_of_readings_that_the_others_make_expect(fitted, z, i):
     assert limits.turn == pytest.approx(max(1.0, 3 * beyond.max()), rel=1e-6)
     at_rest = np.tile(z[:, :SENSORS], z.shape[1] // SENSORS)
     assert limits.start == pytest.approx(np.abs(differences(at_rest, z)).max(), rel=1e-6)
+
+
+@pytest.mark.parametrize(("sensors", "samples"), [(1, 15), (1, 60), (3, 120)])
+@pytest.mark.parametrize("lie", [-40.0, 0.0, 125.0])
+def test_a_short_log_is_enough_to_refuse_a_lie(trace, sensors, samples, lie):
+    columns = tuple(("soc_degC", "usb_degC", "battery_degC")[:sensors])
+    rare = slice(None, None, SAMPLES // samples)
+    short = Trace("short.csv", trace.time_s[rare], {name: row[rare] for name, row in trace.columns.items()})
+    fit = FreeFilterEstimator(1).fit([short], Effort(starts=1), None, None, columns)
+    model = model_of(fit, [], {}, reading_model(fit, [short]))
+    observer = Observer(model, Tracker(model.main, model.main.discrete[-1]))
+    u = np.column_stack([short.column(each.column) for each in model.main.inputs])
+    u[samples // 2 :, 0] = lie
+    found = [observer.update(*each) for each in zip(short.time_s.tolist(), u.tolist())]
+    assert "tracking" not in {each.status for each in found[samples // 2 :]}
+
+
+def test_a_current_beside_a_temperature_is_not_judged(trace):
+    random = np.random.default_rng(4)
+    current = np.repeat(random.choice([0.0, 1.0, 2.5], 40), SAMPLES // 40)
+    columns = {**trace.columns, "charge_A": current}
+    fit = FreeFilterEstimator(1).fit(
+        [Trace("drawn", trace.time_s, columns)], Effort(starts=1), None, None, ("soc_degC", "charge_A")
+    )
+    readings = reading_model(fit, [Trace("drawn", trace.time_s, columns)])
+    own = readings.sensors[fit.inputs.index("charge_A")]
+    assert min(own.jump, own.still_s) > 1e6
+    assert own.turn == 0
+    assert readings.sensors[fit.inputs.index("soc_degC")].jump < 20
+    assert np.array(readings.offset_gains)[fit.inputs.index("charge_A")] == pytest.approx(0.0)

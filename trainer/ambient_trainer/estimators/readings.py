@@ -8,6 +8,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ambient_model.model import ReadingModel, SensorLimits
@@ -18,8 +19,8 @@ from ambient_trainer.estimators.base import Fit, slowest_period_s
 from ambient_trainer.estimators.estimate import matrix
 from ambient_trainer.lti import discretised, equilibrium, low_pass, response_degC, states
 
-_LAGS_S = ((20.0, 200.0), (60.0, 600.0), (30.0, 200.0, 1200.0))
-"""From the body of a sensor to the whole device."""
+_LAGS_S = ((20.0, 200.0), (60.0, 600.0), (30.0, 200.0, 1200.0), (60.0,), ())
+"""From the body of a sensor to the whole device; short logs show fewer."""
 _RIDGES = (0.3, 1.0, 3.0, 10.0)
 """Standard deviations of the regularisation, in those of the readings' noise."""
 _BLOCKS = 10
@@ -31,8 +32,11 @@ _RATE_MARGIN = 3.0
 _OUTPUT_MARGIN_K = 20.0
 _MOST_INPUTS = 12
 """A device computes the expectations of more sensors too slowly."""
-_SAMPLES_PER_ENTRY = 50
-_LEAST_S = 4 * SLOW_S
+_SAMPLES_PER_ENTRY = 10
+_LEAST_SLOW_S = 4 * SLOW_S
+"""Shorter logs do not show how far slow differences go: any that is in its gate may last."""
+_UNJUDGED = {"step": 1.0, "jump": 1e9, "still_s": 1e9, "turn": 0.0, "start": 1e9}
+"""A power or a switch jumps by nature, and stays: temperatures are expected by it, and it is not judged."""
 _STARTS = 4000
 _START_OFFSET_DEGC = 0.2
 """Standard deviation of a sensor's own constant error, which a start takes for no difference: an NTC of 1 %, twice."""
@@ -46,29 +50,28 @@ def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
     period_s = slowest_period_s(traces)
     runs = [each.inputs for trace in traces for each in segments(trace, fit.inputs, (), period_s)]
     count, samples = len(fit.inputs), sum(run.shape[1] for run in runs)
-    entries = count * (1 + max(map(len, _LAGS_S)))
-    too_short = samples < _SAMPLES_PER_ENTRY * entries or samples * period_s < _LEAST_S
-    # a power or a switch jumps by nature: only temperatures can be held against one another
-    others = any(not each.endswith("_degC") for each in fit.inputs)
-    if fit.outputs != ("ambient",) or count > _MOST_INPUTS or too_short or others:
+    lags = [each for each in _LAGS_S if samples >= _SAMPLES_PER_ENTRY * count * (1 + len(each))]
+    if fit.outputs != ("ambient",) or count > _MOST_INPUTS or not lags:
         return None
     # the standard deviation of each reading's white noise; at least a 1000th of its own
     least = np.maximum(1e-3 * np.concatenate(runs, axis=1).std(axis=1), 1e-3)
     noise = np.maximum([noise_of(rows) for rows in zip(*runs)], least)
-    folds = [_Folds(runs, period_s, lags_s) for lags_s in _LAGS_S]
+    folds = [_Folds(runs, period_s, each) for each in lags]
     chosen, ridge = min(itertools.product(folds, _RIDGES), key=lambda each: each[0].loss(each[1] * noise))
     held_out = list(chosen.differences(ridge * noise))
     mean, precision = _distribution(chosen.total, ridge * noise)
     stride = max(1, round(1.0 / period_s))
     slowly = [low_pass(each, SLOW_S, period_s, 0.0) for each in held_out]
     gate, slow = (_GATE_MARGIN * np.max([np.abs(d).max(axis=0) for d in each], axis=0) for each in (held_out, slowly))
+    slow = slow if samples * period_s >= _LEAST_SLOW_S else gate
     jump = _JUMP_MARGIN * np.max([np.abs(run[:, stride:] - run[:, :-stride]).max(axis=1) for run in runs], axis=0)
     estimates = [response_degC(fit.system, fit.hold, run, period_s) for run in runs]
     reference = np.concatenate([trace.column(REFERENCE) for trace in traces])
     rate = max(np.abs(each[stride:] - each[:-stride]).max() for each in estimates) / (stride * period_s)
-    unsure = np.hypot(ridge * noise, _START_OFFSET_DEGC)
+    degC = np.array([each.endswith("_degC") for each in fit.inputs])
+    off = _START_OFFSET_DEGC * degC
     both = [fit, *([fit.secondary.fit] if fit.secondary else [])]
-    starts = [_expected_start(each, runs, period_s, unsure) for each in both]
+    starts = [_expected_start(each, runs, period_s, np.hypot(ridge * noise, off), degC) for each in both]
     at_rest = [np.column_stack([np.ones(run.shape[1]), np.tile(run.T, 1 + len(chosen.lags_s))]) for run in runs]
     apart = np.concatenate([_differences(each, count, mean, precision) for each in at_rest])
     sensors = zip(
@@ -84,14 +87,14 @@ def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
         lags_s=chosen.lags_s,
         mean=tuple(mean.tolist()),
         precision=matrix(precision),
-        sensors=tuple(SensorLimits(*each) for each in sensors),
+        sensors=tuple(SensorLimits(*each)._replace(**({} if own else _UNJUDGED)) for own, each in zip(degC, sensors)),
         jump_s=stride * period_s,
         settled_s=_settled_s(fit, runs, period_s, starts[0]),
         output=(float(np.nanmin(reference)) - _OUTPUT_MARGIN_K, float(np.nanmax(reference)) + _OUTPUT_MARGIN_K),
         rate_K_per_s=float(_RATE_MARGIN * rate),
         starts=tuple(map(matrix, starts)),
-        offset_gains=matrix(_offset_gains(np.concatenate(slowly), precision)) if count > 1 else (),
-        offset_std_degC=_START_OFFSET_DEGC * max(1.0, float(np.linalg.norm(fit.dc_gains))),
+        offset_gains=matrix(_offset_gains(np.concatenate(slowly), precision, off)) if count > 1 else (),
+        offset_std_degC=max(_START_OFFSET_DEGC, float(np.linalg.norm(off * fit.dc_gains))),
     )
 
 
@@ -146,12 +149,13 @@ def _differences(table: Array, count: int, mean: Array, precision: Array) -> Arr
     return np.asarray(centred[:, :count] - centred @ _weights(precision, count).T)
 
 
-def _offset_gains(slow: Array, precision: Array) -> Array:
-    """The regression (m, m) of constant errors on slow differences, which without them vary as ``slow`` (N, m)."""
+def _offset_gains(slow: Array, precision: Array, off: Array) -> Array:
+    """The regression (m, m) of constant errors, whose deviations are ``off`` (m,), on slow differences, which without
+    them vary as ``slow`` (N, m)."""
     count = slow.shape[1]
     expected = _weights(precision, count).reshape(count, -1, count).sum(axis=1)
-    effect = _START_OFFSET_DEGC * (np.eye(count) - expected)
-    return np.asarray(_START_OFFSET_DEGC * effect.T @ np.linalg.inv(effect @ effect.T + slow.T @ slow / len(slow)))
+    effect = (np.eye(count) - expected) * off
+    return np.asarray(off[:, None] * effect.T @ np.linalg.inv(effect @ effect.T + slow.T @ slow / len(slow)))
 
 
 def _turns_K(tables: Sequence[Array], count: int, stride: int, mean: Array, precision: Array) -> list[float]:
@@ -173,10 +177,11 @@ def _turns_K(tables: Sequence[Array], count: int, stride: int, mean: Array, prec
 
 
 def _memory_s(differences: Sequence[Array], period_s: float) -> Array:
-    """Time constant of each difference, from its autocorrelation after 30 and 60 s (or periods, where longer)."""
-    near = max(1, round(30.0 / period_s))
+    """Time constant of each difference, from its autocorrelation after 30 and 60 s (or a period and two, where that is
+    longer; or less, as far as blocks of a short log reach)."""
+    near = max(1, min(round(30.0 / period_s), (max(map(len, differences)) - 1) // 2))
     products = [
-        sum((each[lag:] * each[: len(each) - lag]).sum(axis=0) for each in differences if len(each) > lag)
+        np.sum([(each[lag:] * each[: len(each) - lag]).sum(axis=0) for each in differences if len(each) > lag], axis=0)
         for lag in (near, 2 * near)
     ]
     ratio = np.clip(products[1] / np.where(products[0] > 0, products[0], np.inf), 0.05, 0.99)
@@ -199,13 +204,15 @@ def _effect_degC(fit: Fit, runs: Sequence[Array], estimates: Sequence[Array], pe
     return float(np.sqrt(np.mean(np.concatenate(changes) ** 2)))
 
 
-def _expected_start(fit: Fit, runs: Sequence[Array], period_s: float, deviations: Array) -> Array:
-    """The state X u (n, m) that is expected where the first readings are u.
+def _expected_start(
+    fit: Fit, runs: Sequence[Array], period_s: float, deviations: Array, degC: NDArray[np.bool_]
+) -> Array:
+    """The state X u (n, m) that is expected where the first readings are u, of which ``degC`` (m,) are temperatures.
 
     Where all sensors read the same it is the equilibrium, at any level; from there it goes by their differences, as
     regressed on them over ``runs`` with errors of these ``deviations`` added.
     """
-    centring = np.eye(len(deviations)) - 1 / len(deviations)
+    centring = np.eye(len(deviations)) - np.outer(degC, degC) / max(degC.sum(), 1)
     differences = centring @ np.concatenate(runs, axis=1)
     noise = centring @ np.diag(deviations**2) @ centring
     inverse = np.linalg.pinv(differences @ differences.T / differences.shape[1] + noise, hermitian=True)

@@ -5,6 +5,7 @@ counted.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from ambient_model.faults import refuse
 from ambient_model.model import Discrete, Input, Model
 from ambient_model.observer import Observer
 from ambient_model.trace import REFERENCE
-from ambient_model.tracking import Estimate, Tracker, bridge_limit_s, nearest_discrete
+from ambient_model.tracking import Tracker, bridge_limit_s, nearest_discrete
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimators.base import STATIC_LINEAR
@@ -80,6 +81,21 @@ class Evaluation:
         return self.metrics.samples
 
 
+class Tracked(NamedTuple):
+    """What a device publishes, sample by sample: arrays (n,), of the readings that it uses (n, m); NaN for nothing."""
+
+    ambient_degC: Array
+    low_degC: Array
+    high_degC: Array
+    used: Array
+    sigma_degC: Array
+    status: NDArray[np.str_]
+
+    def last(self, count: int) -> "Tracked":
+        """The last ``count`` samples."""
+        return Tracked._make(each[len(each) - count :] for each in self)
+
+
 def evaluate_cold(model: Model, trace: Trace, from_s: float | None = None, to_s: float | None = None) -> Evaluation:
     """Evaluate ``model`` on ``trace`` between from_s and to_s, from a cold start at from_s.
 
@@ -120,16 +136,11 @@ def evaluate_trace(model: Model, trace: Trace, from_s: float | None = None) -> E
             f"{bridge_limit_s(discrete.period_s):g} s"
         )
         raise refuse(trace.path, "", problem, "log more often, or fit the model to a trace with this period")
-    estimates, sigma_degC = _tracked(model, discrete, whole)
-    estimates, sigma_degC = estimates[-len(trace.time_s) :], sigma_degC[-len(trace.time_s) :]
-    estimate, low, high, used = (  # None becomes NaN
-        np.array([getattr(each, name) for each in estimates], dtype=np.float64)
-        for name in ("ambient_degC", "low_degC", "high_degC", "used")
-    )
-    error = trace.reference - estimate
+    found = tracked(model, discrete, whole).last(len(trace.time_s))
+    error = trace.reference - found.ambient_degC
     scored = np.isfinite(error)
     if np.count_nonzero(scored) < 2:
-        estimates_known, references = np.isfinite(estimate).sum(), np.isfinite(trace.reference).sum()
+        estimates_known, references = np.isfinite(found.ambient_degC).sum(), np.isfinite(trace.reference).sum()
         problem = (
             f"too few samples to score: of {len(trace.time_s)} samples {estimates_known} have an estimate, "
             f"{references} a reference and {scored.sum()} both"
@@ -137,34 +148,36 @@ def evaluate_trace(model: Model, trace: Trace, from_s: float | None = None) -> E
         hint = "fill the columns, and see that the sensors lie within the ranges of the model file"
         raise refuse(trace.path, "", problem, f"two with both are wanted: {hint}")
     variance = model.error_variance
-    published = (model.main.interval, 1.0) if variance is None else (variance.quantiles, sigma_degC[scored])
+    published = (model.main.interval, 1.0) if variance is None else (variance.quantiles, found.sigma_degC[scored])
     return Evaluation(
         trace=trace.path,
         time_s=trace.time_s,
         inputs={each: trace.columns[each.column] for each in model.main.inputs},
-        estimate_degC=estimate,
-        low_degC=low,
-        high_degC=high,
-        status=np.array([each.status for each in estimates]),
+        estimate_degC=found.ambient_degC,
+        low_degC=found.low_degC,
+        high_degC=found.high_degC,
+        status=found.status,
         reference_degC=trace.reference,
         error_degC=error,
         metrics=score(error[scored]),
         coverage=coverage(error[scored], *published),
         trace_period_s=trace_period_s,
         period_s=discrete.period_s,
-        baseline=_baseline(model, used, trace.reference, scored),
+        baseline=_baseline(model, found.used, trace.reference, scored),
     )
 
 
-def _tracked(model: Model, discrete: Discrete, trace: Trace) -> tuple[list[Estimate], Array]:
-    """The estimates, and sigma in degC of a model with an error variance."""
+def tracked(model: Model, discrete: Discrete, trace: Trace) -> Tracked:
+    """What a device with ``model`` publishes over ``trace``, at the period of ``discrete``."""
     observer = Observer(model, Tracker(model.main, discrete))
     inputs = np.column_stack([trace.columns[each.column] for each in model.main.inputs])
     estimates, sigmas = [], []
     for now_s, row in zip(trace.time_s.tolist(), inputs.tolist()):
         estimates.append(observer.update(now_s, [None if value != value else value for value in row]))
         sigmas.append(observer.sigma_degC)
-    return estimates, np.array(sigmas, dtype=np.float64)
+    ambient, low, high, status, used = zip(*estimates)
+    numbers = (np.array(each, dtype=np.float64) for each in (ambient, low, high, used, sigmas))  # None becomes NaN
+    return Tracked._make([*numbers, np.array(status)])
 
 
 def _baseline(model: Model, used: Array, reference: Array, scored: NDArray[np.bool_]) -> Baseline | None:
