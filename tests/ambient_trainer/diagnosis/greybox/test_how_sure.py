@@ -104,3 +104,12 @@ def test_heat_that_wanders_is_surely_no_heat_for_a_while(circuit, simulated, see
     trace = simulated(seed, heat_W=lambda now, degC: np.interp(now["time_s"], 30.0 * np.arange(1200), heat_W))
     windows = [each for each in diagnose(circuit, [trace]).steps if (each.onset_s, each.end_s) != (None, None)]
     assert all(each.confidence < 0.61 for each in windows if each.cause.signal is None), seed
+
+
+@pytest.mark.parametrize(
+    ("driver", "value", "doubtful"),
+    [("load_frac > 0.4", -4.6, True), ("load_frac", 4.6, False), ("compressor_W", -4.6, False), ("tec_A", -4.6, False)],
+)
+def test_work_that_cools_stands_for_something_else(driver, value, doubtful):
+    """A measured processor seemed to be cooled by its load, as a fan went with it."""
+    assert heat(driver, value).doubtful is doubtful

@@ -22,6 +22,8 @@ _LEAST_PER_K, _MOST_PER_K = -0.008, 0.2
 _SPEED, _MOVES_AIR = "_m_s", {"fan", "fans", "blower", "wind", "gust", "vent", "damper"}
 """Of air, which heats nothing, and words in the name of what moves it: of eleven measured sets with such a column it
 heated in none, and in four it went along with what did."""
+_WORK = {"heater", "burner", "boiler", "lamp", "load", "cpu", "gpu", "usage", "duty", "pwm"}
+"""Words in the name of what heats by what it does, in whatever unit."""
 _STATES = {*HUMIDITY, "moisture", "pressure"}
 """Words in the name of a state: a level of one heats nothing, though the rate of a pressure does. What hangs on a
 balloon seemed to be heated by the thin air."""
@@ -50,12 +52,13 @@ class Heat(InProportion):
     @property
     def doubtful(self) -> bool:
         # a heater's rate stands for heat that comes late, or for a body of its own; a flow for what it brings, or for
-        # what is switched with it: a measured heat pump's compressor
+        # what is switched with it: a measured heat pump's compressor; work that cools for something that it goes with
         driver = self.driver
         if driver is None:
             return False
-        rate = driver.text.startswith("d(") and driver.columns[0].endswith("_frac")
-        return rate or "flow" in driver.columns[0].split("_")
+        rate, words = driver.text.startswith("d(") and driver.columns[0].endswith("_frac"), driver.columns[0].split("_")
+        cools = min(number.value for number in self.numbers) < 0 and not _WORK.isdisjoint(words)
+        return rate or cools or "flow" in words
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = self.weight(record)
