@@ -57,7 +57,7 @@ class Heat(InProportion):
         if driver is None:
             return False
         rate, words = driver.text.startswith("d(") and driver.columns[0].endswith("_frac"), driver.columns[0].split("_")
-        cools = min(number.value for number in self.numbers) < 0 and not _WORK.isdisjoint(words)
+        cools = any(number.value < 0 for number in self.numbers) and not _WORK.isdisjoint(words)
         return rate or cools or "flow" in words
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
