@@ -231,8 +231,8 @@ AMBIENTD = ("-m", "ambientd")
 
 @pytest.fixture
 def ambientd() -> Callable[..., Done]:
-    """Run the command to its end, or what Python takes ``by``."""
-    return lambda *arguments, by=AMBIENTD: ran(sys.executable, *by, *arguments, status=None)
+    """Run the command to its end, or what Python takes ``by``; the test fails where its status is another."""
+    return lambda *arguments, by=AMBIENTD, status=0: ran(sys.executable, *by, *arguments, status=status)
 
 
 Start = Callable[..., "subprocess.Popen[str]"]

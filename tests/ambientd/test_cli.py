@@ -28,8 +28,7 @@ from processes import ran
     ],
 )
 def test_a_wrong_call_ends_with_2(ambientd, arguments, message):
-    done = ambientd(*arguments)
-    assert done.returncode == 2
+    done = ambientd(*arguments, status=2)
     assert message in done.stderr
     assert done.stdout == ""
 
@@ -37,7 +36,7 @@ def test_a_wrong_call_ends_with_2(ambientd, arguments, message):
 @pytest.mark.parametrize("command", [(), ("run",), ("replay",), ("check",), ("watch",)])
 def test_help_is_there(ambientd, command):
     done = ambientd(*command, "--help")
-    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stderr == ""
     assert done.stdout.startswith("usage: ambientd")
 
 

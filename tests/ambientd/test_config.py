@@ -24,10 +24,6 @@ def saved(tmp_path, text, name="ambientd.yaml"):
     return str(path)
 
 
-def refusal(path):
-    return str(refused(load_settings, path))
-
-
 def test_every_key_is_taken_the_same_from_json_and_yaml(tmp_path):
     text, theirs = json.dumps(WHOLE), Access(0o640, 0, 0)  # JSON is YAML, too
     for name in ("c.json", "c.yaml"):
@@ -120,13 +116,14 @@ publish:
     ],
 )
 def test_each_is_refused(tmp_path, text, name, fact):
-    assert fact in refusal(saved(tmp_path, text, name))
+    assert fact in str(refused(load_settings, saved(tmp_path, text, name)))
 
 
 def test_files_that_cannot_be_read_are_refused(tmp_path):
-    assert "cannot be read (No such file or directory)" in refusal(str(tmp_path / "none.yaml"))
-    (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00model")
-    assert "not text" in refusal(str(tmp_path / "bytes.yaml"))
+    path = tmp_path / "some.yaml"
+    assert "cannot be read (No such file or directory)" in str(refused(load_settings, str(path)))
+    path.write_bytes(b"\xff\xfe\x00model")
+    assert "not text" in str(refused(load_settings, str(path)))
 
 
 def test_every_fault_of_the_sensors_is_named_at_once(tmp_path):

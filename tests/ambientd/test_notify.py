@@ -56,23 +56,18 @@ def test_without_a_watchdog_of_its_own_no_tick_is_told(manager, environment):
     notifier.close()
 
 
-def test_what_a_full_socket_does_not_take_is_owed_with_its_newest_value(tmp_path):
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-    listener.bind(str(tmp_path / "n"))
-    notes = []
-    notifier = Notifier({"NOTIFY_SOCKET": str(tmp_path / "n")}, notes.append)
+def test_what_a_full_socket_does_not_take_is_owed_with_its_newest_value(manager):
+    (listener, name), notes = manager, []
+    notifier = Notifier({"NOTIFY_SOCKET": name}, notes.append)
     for k in range(5000):
         notifier.status(str(k))
-    assert notes == [f"{tmp_path}/n: the service manager cannot be notified (Resource temporarily unavailable)"]
+    assert notes == [f"{name}: the service manager cannot be notified (Resource temporarily unavailable)"]
     notifier.ready("4999")
-    listener.settimeout(10)
-    first = listener.recv(100)
-    assert first == b"STATUS=0"
+    assert listener.recv(100) == b"STATUS=0"
     drain(listener)
     notifier.ticked(0.0)
     assert listener.recv(100) == b"STATUS=4999\nREADY=1"
     notifier.close()
-    listener.close()
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ def test_every_row_has_its_estimate(ambientd, model_file, write_trace, wander, t
     """What the numbers are to be is compared by the parity tests."""
     out = tmp_path / "out.csv"
     done = ambientd("replay", model_file, write_trace(wander), "-o", out)
-    assert (done.returncode, done.stdout, done.stderr) == (0, f"{out}: 600 estimates\n", "")
+    assert (done.stdout, done.stderr) == (f"{out}: 600 estimates\n", "")
     rows = rows_of(out)
     assert list(rows[0]) == ["time_s", "ambient_degC", "low_degC", "high_degC", "status"]
     assert [float(row["time_s"]) for row in rows] == [row[0] for row in wander]
@@ -35,15 +35,15 @@ def test_every_row_has_its_estimate(ambientd, model_file, write_trace, wander, t
 
 def test_from_and_to_cut_before_the_estimate_starts(ambientd, model_file, write_trace, wander, tmp_path):
     out, of_the_part = tmp_path / "out.csv", tmp_path / "part.csv"
-    assert ambientd("replay", model_file, write_trace(wander), "-o", out, "--from", 150, "--to", 250).returncode == 0
-    assert ambientd("replay", model_file, write_trace(wander[50:150]), "-o", of_the_part).returncode == 0
+    ambientd("replay", model_file, write_trace(wander), "-o", out, "--from", 150, "--to", 250)
+    ambientd("replay", model_file, write_trace(wander[50:150]), "-o", of_the_part)
     assert out.read_text() == of_the_part.read_text()
 
 
 def test_a_missing_value_is_coasted_over_and_a_long_gap_is_an_empty_cell(ambientd, model_file, write_trace, tmp_path):
     rows = [(float(k), 30.0, None if 50 <= k < 90 else 25.0) for k in range(100)]
     out = tmp_path / "out.csv"
-    assert ambientd("replay", model_file, write_trace(rows), "-o", out).returncode == 0
+    ambientd("replay", model_file, write_trace(rows), "-o", out)
     said = rows_of(out)
     assert [row["status"] for row in said[50:90]] == ["coasting"] * 30 + ["faulted"] * 10
     assert (said[85]["ambient_degC"], said[85]["low_degC"], said[85]["high_degC"]) == ("", "", "")
@@ -63,8 +63,8 @@ REFUSALS = [
 def test_what_cannot_be_replayed_is_refused_and_the_output_left(ambientd, model_file, tmp_path, text, cut, fact):
     (tmp_path / "t.csv").write_text(text)
     (tmp_path / "out.csv").write_text("before")
-    done = ambientd("replay", model_file, tmp_path / "t.csv", "-o", tmp_path / "out.csv", *cut)
-    assert (done.returncode, done.stdout) == (1, "")
+    done = ambientd("replay", model_file, tmp_path / "t.csv", "-o", tmp_path / "out.csv", *cut, status=1)
+    assert done.stdout == ""
     assert done.stderr.startswith(f"ambientd: {tmp_path}/t.csv: ")
     assert fact in done.stderr
     assert (tmp_path / "out.csv").read_text() == "before"
@@ -72,8 +72,7 @@ def test_what_cannot_be_replayed_is_refused_and_the_output_left(ambientd, model_
 
 
 def test_a_trace_is_not_overwritten_by_its_own_replay(ambientd, model_file, trace_file):
-    done = ambientd("replay", model_file, trace_file, "-o", trace_file)
-    assert done.returncode == 1
+    done = ambientd("replay", model_file, trace_file, "-o", trace_file, status=1)
     assert f"{trace_file}: would be overwritten" in done.stderr
     assert len(rows_of(trace_file)) == 600
 

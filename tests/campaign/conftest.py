@@ -28,6 +28,8 @@ from ambient_model.model import Discrete, Estimator, Input, Model
 from device import add_zone
 from processes import content_of, ran, wait_until
 
+from .observer import number_in
+
 HERE = Path(__file__).parent
 POISON_MILLIDEGC = 99000
 PERIODS_S = (0.25, 0.5, 1.0)
@@ -151,13 +153,6 @@ def zones(tmp_path: Path) -> Zones:
     made.add(3, "battery", 30000)
     made.add(10, "usb-therm", 30000)
     return made
-
-
-def number_in(content: bytes) -> int:
-    """What a consumer makes of the published file, which is whole or a fault."""
-    assert re.fullmatch(rb"-?[0-9]{1,13}\n+", content), f"torn: {content!r}"
-    assert len(content) <= 15
-    return int(content)
 
 
 class Outputs:

@@ -12,7 +12,8 @@ import sys
 from collections.abc import Callable
 
 
-def number(content: bytes) -> int:
+def number_in(content: bytes) -> int:
+    """What a consumer makes of a published file, which is whole or a fault."""
     if not re.fullmatch(rb"-?[0-9]{1,13}\n+", content) or len(content) > 15:
         raise ValueError(f"torn or empty: {content!r}")
     return int(content)
@@ -41,7 +42,7 @@ def look(folder: str, kept: int) -> None:
         "same, kept open": twice(lambda: os.pread(kept, 32, 0)),
     }
     for name, content in contents.items():
-        if number(content) < said:
+        if number_in(content) < said:
             raise ValueError(f"{name} says {content!r} after the status said {said}")
 
 

@@ -9,7 +9,10 @@ import subprocess
 
 import pytest
 
-from .conftest import Outputs, number_in
+from processes import content_of
+
+from .conftest import Outputs
+from .observer import number_in
 
 
 def newest_or_nothing(daemon, zones, count, first):
@@ -17,16 +20,11 @@ def newest_or_nothing(daemon, zones, count, first):
     for k in range(first, first + count):
         zones.say("usb-therm", 30000 + 10 * k)
         daemon.tick()
-        found = []
-        for path in (daemon.outputs.temp, daemon.outputs.same):
-            with contextlib.suppress(FileNotFoundError):
-                found.append(number_in(path.read_bytes()))
-        assert set(found) <= {28000 + 9 * k, 99000}
-        for path in (daemon.outputs.status_file, daemon.outputs.prometheus):
-            with contextlib.suppress(FileNotFoundError):
-                assert path.read_bytes().endswith(b"\n")
-        with contextlib.suppress(FileNotFoundError):
-            json.loads(daemon.outputs.status_file.read_bytes())
+        out = daemon.outputs
+        temp, same, status, prometheus = map(content_of, (out.temp, out.same, out.status_file, out.prometheus))
+        assert {number_in(each) for each in (temp, same) if each is not None} <= {28000 + 9 * k, 99000}
+        assert all(each is None or each.endswith(b"\n") for each in (status, prometheus))
+        assert status is None or json.loads(status)
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ import pytest
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model
 
-from .conftest import number_in
+from .observer import number_in
 
 OBSERVER = Path(__file__).parent / "observer.py"
 KILLS = 24

@@ -101,11 +101,6 @@ class Weather:
         self._daemon.kill()
         self._daemon.wait()
 
-    def end(self) -> int:
-        """End the trace, and with it the daemon: its exit status."""
-        self.close()
-        return self._daemon.wait(timeout=20)
-
 
 @pytest.fixture
 def weather(tmp_path: Path) -> Iterator[Weather]:

@@ -46,12 +46,11 @@ def test_the_parser_watches_both_sensors_where_the_kernel_has_the_zones(program,
     if not (PARSER / "harness.cpp").is_file():
         pytest.skip("the HAL's parser is not in AMBIENTD_PIXEL_HAL")
     compiled(program, PARSER / "harness.cpp", tmp_path / "harness", f"-I{PARSER}", f"-I{PARSER / 'inc'}")
-    parser = functools.partial(ran, tmp_path / "harness", SNIPPET, status=None)
+    parser = functools.partial(ran, tmp_path / "harness", SNIPPET)
     done = parser(*OF_THE_DEVICE)
-    assert done.returncode == 0, done.stderr
     assert "spare_therm is_watch=1 path=/dev/ambientd/ambient_temp" in done.stderr
     assert "VIRTUAL-SKIN-AMBIENT is_watch=1" in done.stderr
-    done = parser("skin_therm")
+    done = parser("skin_therm", status=None)
     assert done.returncode != 0
     assert "Could not find spare_therm in sysfs" in done.stderr
 

@@ -9,6 +9,11 @@ from ambient_trainer.data.trace import save_trace
 
 from ..evaluation.conftest import sensor_trace, two_sensor_model
 
+BROKEN = {
+    "bare.csv": "time_s,usb_degC\n0,20\n",
+    "empty.csv": "time_s,usb_degC,ambient_degC\n",
+    "warm.csv": "time_s,usb_degC,ambient_degC\n0,20,21\n1,warm,21\n",
+}
 # the call, its status, and what the message names
 CALLS = [
     ("diagnose x.csv --circuit phone --period nan", 2, "--period; nan"),
@@ -20,6 +25,9 @@ CALLS = [
     ("mitigate x.json --limit nan", 2, "--limit; nan"),
     ("evaluate x.json x.csv --from 20 --to 10", 2, "--from 20; --to 10"),
     ("limit x.json --seeds 1,-2", 2, "--seeds; 1,-2"),
+    ("fit bare.csv --circuit free-1 -o m.json", 1, "bare.csv: line 1: no column 'ambient_degC'"),
+    ("fit empty.csv --circuit free-1 -o m.json", 1, "empty.csv: no samples"),
+    ("fit warm.csv --circuit free-1 -o m.json", 1, "warm.csv: line 3, column usb_degC: 'warm'"),
     ("fit t.csv --circuit free-1 -o m.json --starts 0", 2, "--starts; 0"),
     ("evaluate m.json t.csv --run-in", 2, "--run-in; --from"),
     ("compare t.csv --circuit free-1", 2, "--split; --held-out"),
@@ -98,7 +106,9 @@ CALLS = [
 
 @pytest.mark.parametrize(("words", "status", "facts"), CALLS)
 def test_a_wrong_call(tmp_path, monkeypatch, saved, trainer, words, status, facts):
-    """Beside two traces and a model, which stay as they are."""
+    """Beside traces, some broken, and a model, which stay as they are."""
+    for name, text in BROKEN.items():
+        (tmp_path / name).write_text(text)
     for name in ("t.csv", "u.csv"):
         save_trace(str(tmp_path / name), sensor_trace(300, period_s=2.0))
     os.rename(saved(two_sensor_model()), tmp_path / "m.json")

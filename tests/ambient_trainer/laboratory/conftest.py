@@ -12,6 +12,7 @@ import yaml
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.collect import Job, collect
+from ambient_trainer.laboratory.instruments import ChamberLimits, instrument
 from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.laboratory.run import Supervision
 from ambient_trainer.laboratory.simulation import simulated_laboratory
@@ -78,6 +79,17 @@ def closed():
     """Gives back what it is given, and closes it at the end, the last one first."""
     with contextlib.ExitStack() as stack:
         yield lambda made: stack.enter_context(contextlib.closing(made))
+
+
+@pytest.fixture
+def driver_of(closed):
+    """Makes the driver of some settings; a chamber's goes from -20 to 60 degC."""
+
+    def make(named, clock=None):
+        limits = [ChamberLimits(low_degC=-20.0, high_degC=60.0)] * (named.kind == "voetsch-vt4004")
+        return closed(instrument(named.kind).Driver(named, clock or Clock(), *limits))
+
+    return make
 
 
 @pytest.fixture(params=SHELLS, ids=os.path.basename)

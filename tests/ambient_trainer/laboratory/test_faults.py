@@ -6,7 +6,6 @@ The laboratory lives in this process and goes on while the collector, one of its
 import os
 import random
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -19,7 +18,7 @@ import yaml
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.journal import read_journal
-from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, MULTIPLEXER, Clock, Sample
+from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, MULTIPLEXER, Clock
 from ambient_trainer.laboratory.simulation import simulated_laboratory
 
 SPEED = 60.0
@@ -30,16 +29,10 @@ COLLECTOR = Path(__file__).with_name("collector.py")
 class Collector:
     """The process, and what it has acknowledged."""
 
-    def __init__(self, path, output, environment, *words, speed=SPEED):
-        self.acknowledged = 0
-        self.lines = []
-        self.process = subprocess.Popen(
-            [sys.executable, str(COLLECTOR), str(path), str(output), str(speed), *words],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            env={**os.environ, **environment},
-        )
+    def __init__(self, spawn, path, output, environment, *words, speed=SPEED):
+        self.acknowledged, self.lines = 0, []
+        call = [sys.executable, COLLECTOR, path, output, speed, *words]
+        self.process = spawn(call, env={**os.environ, **environment})
         self.reader = threading.Thread(target=self._read)
         self.reader.start()
 
@@ -49,19 +42,10 @@ class Collector:
             if line.startswith("disk "):
                 self.acknowledged = int(line.split()[1])
 
-    def kill(self, number=signal.SIGKILL):
-        self.process.send_signal(number)
-        return self.wait()
-
     def wait(self):
         status = self.process.wait(timeout=120)
         self.reader.join()
-        self.process.stdout.close()
         return status
-
-
-def _samples(path):
-    return [entry for entry in read_journal(str(path)).entries if isinstance(entry, Sample)]
 
 
 def _campaign(there, tmp_path):
@@ -78,7 +62,7 @@ KILLS = int(os.environ.get("AMBIENT_KILLS", "4"))
 
 @pytest.mark.slow
 @pytest.mark.timeout(300 + 20 * KILLS)
-def test_killed_at_any_moment_it_goes_on_with_the_last_scan_and_the_right_time(campaign_file, tmp_path, until):
+def test_killed_at_any_moment_it_goes_on_with_the_last_scan_and_the_right_time(campaign_file, tmp_path, until, spawn):
     """``AMBIENT_KILLS=100`` kills it at a hundred drawn moments; the calendar is stepped by a day and back."""
     steps = [{"duration_min": 1, "chamber_degC": degC, "gradient_K_min": 5} for degC in (30, 10, 25)] * 40
     patient = {"instruments.chamber.period_s": 2, "instruments.multiplexer.timeout_s": 20, "device.timeout_s": 20}
@@ -92,28 +76,30 @@ def test_killed_at_any_moment_it_goes_on_with_the_last_scan_and_the_right_time(c
         for life in range(KILLS):
             stepped = {"STEPPED_S": str(draw.choice((-DAY_S, 0.0, DAY_S)))}
             scans.clear()
-            collector = Collector(path, trace, {**there.environment, **stepped}, *words, speed=speed)
+            collector = Collector(spawn, path, trace, {**there.environment, **stepped}, *words, speed=speed)
             until(lambda its=collector: its.acknowledged or its.process.poll() is not None, seconds=100.0)
             time.sleep(draw.uniform(0.0, 1.5))
             assert collector.process.poll() is None, "\n".join(collector.lines)
-            collector.kill()
+            collector.process.kill()
+            collector.wait()
             data = journal.read_bytes()
             assert data.startswith(kept), "what was acknowledged was changed"
             kept = data[: data.rfind(b"\n") + 1]
-            found, words = [each for each in _samples(journal) if each.source == MULTIPLEXER], ("resume",)
+            samples, words = read_journal(str(journal)).samples, ("resume",)
+            found = [each for each in samples if each.source == MULTIPLEXER]
             tried = 2 if life == 0 else 0  # before a run begins
             assert len(scans) - tried - (len(found) - known) <= 1, "the last scan at most"
-            assert len(_samples(journal)) >= collector.acknowledged
+            assert len(samples) >= collector.acknowledged
             known = len(found)
             if life == 0:
                 until(lambda: there.chamber.held_degC == SAFE_DEGC)  # nobody resumes it, and it is safe all the same
-        collector = Collector(path, trace, there.environment, "resume", speed=speed)
+        collector = Collector(spawn, path, trace, there.environment, "resume", speed=speed)
         until(lambda: collector.acknowledged, seconds=100.0)
         collector.process.send_signal(signal.SIGTERM)
         assert collector.wait() == 0, collector.lines
         assert collector.lines[-1] == "end stopped True"
         assert there.chamber.held_degC == SAFE_DEGC
-    samples = _samples(journal)
+    samples = read_journal(str(journal)).samples
     assert len({(entry.source, entry.asked_s) for entry in samples}) == len(samples), "none stands twice"
     # the phone's uptime goes on whatever happens here: what it is ahead of the run's time stays, to a period
     ahead_s = [entry.values[CLOCK_OFFSET] for entry in samples if entry.source == DEVICE]
@@ -121,11 +107,11 @@ def test_killed_at_any_moment_it_goes_on_with_the_last_scan_and_the_right_time(c
     assert set(np.diff(load_trace(str(trace)).time_s)) == {1.0}
 
 
-def test_sigterm_ends_it_safely_even_with_the_chamber_away(campaign_file, tmp_path, until):
+def test_sigterm_ends_it_safely_even_with_the_chamber_away(campaign_file, tmp_path, until, spawn):
     """The set point is sent until the chamber confirms it: the process does not leave before."""
     loaded = load_campaign(campaign_file([{"duration_min": 60, "chamber_degC": 40}]), ports=False)
     with simulated_laboratory(loaded, Clock(SPEED), 2) as there:
-        collector = Collector(_campaign(there, tmp_path), tmp_path / "t.csv", there.environment)
+        collector = Collector(spawn, _campaign(there, tmp_path), tmp_path / "t.csv", there.environment)
         until(lambda: there.chamber.held_degC == 40.0, seconds=100.0)
         there.chamber.unplug()
         collector.process.send_signal(signal.SIGTERM)

@@ -32,9 +32,9 @@ import pytest
 from ambient_trainer.laboratory import run as run_module
 from ambient_trainer.laboratory import workers
 from ambient_trainer.laboratory.collect import resume
-from ambient_trainer.laboratory.instruments import ChamberLimits, instrument, settings
+from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.journal import read_journal
-from ambient_trainer.laboratory.messages import MULTIPLEXER, Clock, InstrumentError
+from ambient_trainer.laboratory.messages import MULTIPLEXER, InstrumentError
 from ambient_trainer.laboratory.run import Ending
 from ambient_trainer.laboratory.watchdog import Watchdog
 
@@ -287,17 +287,6 @@ def chamber(monkeypatch, closed):
     """Makes a chamber, or another instrument."""
     monkeypatch.setattr(workers, "_LEAST_WALL_S", 2.0)
     return lambda kind=Chamber, **of: closed(kind(**of))
-
-
-@pytest.fixture
-def driver_of(closed):
-    """Makes the driver of some settings; a chamber's goes from -20 to 60 degC."""
-
-    def make(named):
-        limits = [ChamberLimits(low_degC=-20.0, high_degC=60.0)] * (named.kind == "voetsch-vt4004")
-        return closed(instrument(named.kind).Driver(named, Clock(), *limits))
-
-    return make
 
 
 QUIET = {"slopes": "pair", "unknown": None}

@@ -6,7 +6,6 @@ import pytest
 from ambient_trainer.laboratory.instruments import (
     AIR,
     THERMOMETER_COLUMN,
-    ChamberLimits,
     instrument,
     probe_column,
     settings,
@@ -26,13 +25,11 @@ def settings_of(role: str, port: str = "/nowhere/port", **values: Any) -> Any:
 
 
 @pytest.fixture
-def driver_at(closed) -> Callable[..., Any]:
+def driver_at(driver_of) -> Callable[..., Any]:
     """Makes a driver of a role at a port, which has the given settings."""
 
-    def make(role: str, port: str = "/nowhere/port", clock: Clock | None = None, limits=(-20.0, 60.0), **values: Any):
-        named = settings_of(role, port, **values)
-        further = [ChamberLimits(low_degC=limits[0], high_degC=limits[1])] if role == "chamber" else []
-        return closed(instrument(named.kind).Driver(named, clock or Clock(), *further))
+    def make(role: str, port: str = "/nowhere/port", clock: Clock | None = None, **values: Any):
+        return driver_of(settings_of(role, port, **values), clock)
 
     return make
 

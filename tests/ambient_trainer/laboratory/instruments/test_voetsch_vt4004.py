@@ -11,8 +11,8 @@ from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse
 
 
 def chamber(low_degC: float = -20.0, high_degC: float = 60.0) -> Driver:
-    port = "/nowhere/port"
-    return Driver(settings("voetsch-vt4004", port=port), Clock(), ChamberLimits(low_degC=low_degC, high_degC=high_degC))
+    limits = ChamberLimits(low_degC=low_degC, high_degC=high_degC)
+    return Driver(settings("voetsch-vt4004", port="/nowhere/port"), Clock(), limits)
 
 
 @given(temp_degC=st.floats() | st.floats(-60.0, 200.0))
