@@ -1,10 +1,15 @@
 """Everything at once, and what is needless goes: what shows itself only beside others is found, and nothing else."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
+from ambient_trainer.circuits.schema import parse_circuit
+from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
+from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.backward import eliminated
 from ambient_trainer.diagnosis.greybox.choice import Limits, Step
 from ambient_trainer.diagnosis.greybox.mechanisms import mass, path
@@ -13,8 +18,29 @@ from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import lasting_candidates
 from ambient_trainer.diagnosis.greybox.stepwise import Selection, bare_fit, continued
+from ambient_trainer.diagnosis.record import records
 
 from .conftest import heat
+
+POINTS = "abcdef"
+NODES, EDGES, NUMBERS = (
+    ", ".join(map(each.format, POINTS))
+    for each in (
+        "{0}: {{capacitance: C_{0}, sensor: {0}}}",
+        "{{between: [{0}, ambient], resistance: R_{0}}}",
+        "C_{0}: {{unit: J/K, initial: 100}}, R_{0}: {{unit: K/W, initial: 5}}",
+    )
+)
+PLATE = f"""
+format: ambient-circuit
+version: 1
+name: points
+form: temperature
+nodes: {{{NODES}, ambient: {{sensor: ambient}}}}
+edges: [{EDGES}]
+outputs: sensors
+parameters: {{{NUMBERS}}}
+"""
 
 
 def together(now, degC):
@@ -49,6 +75,30 @@ def test_nothing_is_left_where_nothing_is_hidden(circuit, simulated, recorded):
     seed = int(np.random.default_rng().integers(1 << 30))
     bare = bare_fit(GreyBox.of(circuit), recorded(simulated(seed)))
     assert eliminated(bare) is None, seed
+
+
+def test_a_plate_below_six_points_warms_one_and_that_the_others():
+    """No point by itself gains much by the plate: a body behind each did better in a measured pouch cell."""
+    draw = np.random.default_rng(seed := int(np.random.default_rng().integers(1 << 30)))
+    time_s = 2.0 * np.arange(600)
+    plate_degC = 20.0 + 25.0 * (1 - np.exp(-time_s / 60.0)) * (time_s < draw.uniform(500, 700))
+    joined_W_K = np.diag(draw.uniform(0.1, 0.3, 5), 1)
+    joined_W_K += joined_W_K.T
+    loss_W_K, heated = draw.uniform(0.03, 0.06, 6), int(draw.integers(6))
+
+    def slope(now_s, degC):
+        flow_W = joined_W_K @ degC - joined_W_K.sum(axis=1) * degC + loss_W_K * (20.0 - degC)
+        flow_W[heated] += 0.4 * (np.interp(now_s, time_s, plate_degC) - degC[heated])
+        return flow_W / 12.0
+
+    read = solve_ivp(slope, (0, time_s[-1]), np.full(6, 20.0), t_eval=time_s, max_step=2.0).y
+    columns = {f"{name}_degC": row + draw.normal(0, 0.01, 600) for name, row in zip(POINTS, read)}
+    trace = Trace("plate", time_s, {**columns, "ambient_degC": np.full(600, 20.0), "plate_degC": plate_degC})
+    circuit = forward(parse_circuit(PLATE, "points"))
+    found = eliminated(bare_fit(GreyBox.of(circuit), records(trace, circuit.inputs, list(columns), 2.0)))
+    assert found is not None, seed
+    joined = {frozenset(each.places[0].split("-")) for each in found.model.mechanisms}
+    assert joined == {*map(frozenset, pairwise(POINTS)), frozenset((POINTS[heated], "plate"))}, seed
 
 
 def test_a_power_that_hardly_moves_heats_all_the_same(circuit, simulated):

@@ -32,7 +32,7 @@ def test_a_wall_that_stays_as_it_is_is_a_slow_body(circuit, simulated, seed):
     found = diagnose(circuit, [simulated(seed, heat_W=lambda _, degC: between_W_K * (wall_degC - degC))])
     mass = next(each for each in found.steps if each.cause.name == "thermal_mass")
     assert "a constant temperature does the same" in mass.magnitude.qualifier, seed
-    assert mass.confidence > 0.9, seed
+    assert 0.5 < mass.confidence <= 0.6, seed
 
 
 @pytest.mark.parametrize(("other", "responds"), [("water_in", False), ("room", False), ("lid", True)])

@@ -17,7 +17,7 @@ from ambient_trainer.diagnosis.greybox.scene import THERMOELECTRIC, WARMING, Sce
 from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, assumed, begins_apart, identified
 
 _HEATING = (*WARMING, "_frac", "_on", "_lux", "_A^2")
-_MOST_NUMBERS, _SAMPLES_PER_NUMBER = 30, 20
+_MOST_NUMBERS, _SAMPLES_PER_NUMBER = 40, 10
 """With more numbers, or fewer samples to each, a fit of everything says nothing, and takes long."""
 _STARTED, _LAGS = 0.3, (1, 3)
 """Of a candidate's first amount; and which of the bodies' time constants."""

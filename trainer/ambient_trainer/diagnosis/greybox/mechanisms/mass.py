@@ -38,8 +38,13 @@ class HiddenMass(Mechanism):
     @property
     def assumes(self) -> float:
         # a temperature that stays is as much taken for granted as heat that does
-        lag = self.numbers[1]
-        return float(self.lasts and lag.value > _STAYS * lag.high)
+        return float(self.doubtful)
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether one of them stays as it is: in half of the measured logs where that was surest it stood for constant
+        heat or an offset."""
+        return self.lasts and any(each.value > _STAYS * each.high for each in self.numbers[1 :: 2 + self.sees_ambient])
 
     @property
     def _values(self) -> Array:
