@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
@@ -137,11 +138,17 @@ def _side_by_side(
     return results
 
 
+@cache
+def _libraries() -> ThreadpoolController:
+    """What may use threads in this process; to look for it again took a twentieth of a diagnosis."""
+    return ThreadpoolController()
+
+
 def _refit(
     model: GreyBox, records: Sequence[Record], starts: Sequence[Array], prior: Prior, most: int
 ) -> Fitted | None:
     linear = not model.network(records[0], model.z()[None]).nonlinear
-    with threadpool_limits(1):
+    with _libraries().limit(limits=1):
         # without a loop over samples steps cost little, and valleys are followed to their ends
         tolerance = _FINE if linear or most > _FEW else _COARSE
         return fit(model, records, starts, most=4 * most if linear else most, tolerance=tolerance, prior=prior)
@@ -151,7 +158,7 @@ def _refit_and_validate(*given: Any) -> Fitted | None:
     done = _refit(*given)
     if done is None:
         return None
-    with threadpool_limits(1):
+    with _libraries().limit(limits=1):
         if not (done.model.mechanisms[-1].lasts or done.model.mechanisms[-1].evident):
             done = sharpened(_placed_again(done))
         return done.refitted() if cheap(done) else done
