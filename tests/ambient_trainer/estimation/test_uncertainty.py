@@ -9,7 +9,7 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.search import Solution, search
 from ambient_trainer.estimation.uncertainty import residual_memory, residuals, uncertainty
-from ambient_trainer.evaluation.identifiability import held
+from ambient_trainer.evaluation.identifiability import started
 
 from ..conftest import response_of, rise_inputs, truth_of
 
@@ -133,7 +133,7 @@ def test_model2_ss_with_everything_free_is_not_identifiable():
 
 
 def test_an_unknown_at_its_bound_has_no_interval_and_hides_nothing():
-    known = _known(held(load_circuit("model2_ss"), CAPACITANCES), {**WEIGHTS, "w2": 0.0})
+    known = _known(started(load_circuit("model2_ss"), CAPACITANCES, CAPACITANCES), {**WEIGHTS, "w2": 0.0})
     index = known.names.index("w2")
     assert known.confounded == ()
     assert known.at_bound.nonzero()[0].tolist() == [index]

@@ -9,12 +9,12 @@ from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.evaluation.identifiability import (
     THRESHOLD,
-    held,
     identifiability,
     own_output,
     profile,
     recovered,
     reestimates,
+    started,
     unknowns_at,
 )
 from ambient_trainer.evaluation.identifiability_report import report_of
@@ -48,9 +48,9 @@ def subject(name, fixed=()):
     """The circuit at the truth with its own output, and what can be known of it."""
     circuit = load_circuit(name)
     values = {each.name: TRUTH[each.name] if each.free else each.initial for each in circuit.parameters}
-    circuit = held(circuit, {each: values[each] for each in fixed})
+    circuit = started(circuit, {each: values[each] for each in fixed}, fixed)
     found = own_output(circuit, values, [inputs_of(circuit.inputs)], NOISE_DEGC, 1.0)
-    structure = found.structure()
+    structure = found.structure({})
     return found, sensitivity(structure, *unknowns_at(structure, values))
 
 
@@ -119,7 +119,7 @@ def test_single_input_circuits_keep_the_scale_of_their_losses(name):
 def test_profiles_have_the_interval_of_the_quadratic_where_the_data_tell_much():
     """Oracle: sigma times the root of the diagonal of (J'J)^-1, by differences of plain simulations."""
     found, _ = subject("model1_ss", CAPACITANCES)
-    structure = found.structure()
+    structure = found.structure({})
     theta, beta = unknowns_at(structure, found.values)
     unknowns, h = np.concatenate([theta, beta]), 1e-5
 

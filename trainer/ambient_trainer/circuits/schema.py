@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_trainer.circuits.circuit import AMBIENT, Addition, Circuit, Edge, Form, Node, Output, Parameter, Source
@@ -36,15 +36,11 @@ def _named_or_number(value: Any) -> str | float:
     raise wrong(f"{value!r:.40} is neither a name nor a number", "name a parameter or give a finite number")
 
 
-def _weights_or_parallel(each: str) -> BeforeValidator:
-    def read(value: Any) -> Any:
-        if value == _PARALLEL:
-            return {_PARALLEL: 0.0}
-        if isinstance(value, dict):
-            return value
-        raise wrong(f"{value!r:.40} are no weights", f"write '{_PARALLEL}', or a weight for each {each}")
-
-    return BeforeValidator(read)
+def _weights_or_parallel(value: Any, info: ValidationInfo) -> Any:
+    if isinstance(value, dict) or value == _PARALLEL:
+        return value if isinstance(value, dict) else {_PARALLEL: 0.0}
+    each = {"states": "node", "inputs": "column"}[str(info.field_name)]
+    raise wrong(f"{value!r:.40} are no weights", f"write '{_PARALLEL}', or a weight for each {each}")
 
 
 _LIBRARY = Path(__file__).with_name("library")
@@ -52,6 +48,7 @@ _PARALLEL = "parallel"
 _SMALLEST, _LARGEST = 1e-9, 1e15
 """J/K or K/W; what is smaller or larger is a wrong unit."""
 _Value = Annotated[Any, BeforeValidator(_named_or_number)]
+_Weights = Annotated[dict[_Name, _Value], BeforeValidator(_weights_or_parallel)]
 
 
 class _Node(Strict):
@@ -71,8 +68,8 @@ class _Source(Strict):
 
 
 class _Output(Strict):
-    states: Annotated[dict[_Name, _Value], _weights_or_parallel("node")] = Field(default_factory=dict)
-    inputs: Annotated[dict[_Name, _Value], _weights_or_parallel("column")] = Field(default_factory=dict)
+    states: _Weights = Field(default_factory=dict)
+    inputs: _Weights = Field(default_factory=dict)
     offset: _Value | None = None
     heat: _Value | None = None
 
@@ -91,11 +88,9 @@ class _Quantity(Strict):
     log: bool = False
     scale: float = Field(default=1.0, gt=0)
 
-    @model_validator(mode="after")
-    def _positive(self) -> _Quantity:
+    def _wrong(self) -> Iterator[tuple[str, str]]:
         if self.log and self.value <= 0:
-            raise wrong(f"{self.value:g} has no logarithm", "give a number above 0, or leave out 'log'")
-        return self
+            yield f"{self.value:g} has no logarithm", "give a number above 0, or leave out 'log'"
 
 
 class _Mechanism(Strict):
@@ -216,8 +211,9 @@ class _Reading:
             self._fault(place, f"{what} {name} starts at {parameter.initial:g}", f"a {what} is above 0")
         elif positive and not _SMALLEST <= parameter.initial <= _LARGEST:
             self._fault(place, f"{what} {name} starts at {parameter.initial:g}", f"check its unit, {unit}")
-        elif positive:
-            self.parameters[name] = _positive(parameter)
+        elif positive:  # bounds that a logarithm can search: within six decades of where it starts
+            low, high = max(parameter.low, parameter.initial * 1e-6), min(parameter.high, parameter.initial * 1e6)
+            self.parameters[name] = replace(parameter, low=low, high=high)
         return name
 
     def _node(self, name: str, node: _Node) -> Node:
@@ -317,9 +313,3 @@ def _drained(circuit: Circuit) -> set[str]:
     for _ in circuit.nodes:
         drained |= {name for edge in circuit.edges for name in edge.between if edge.other(name) in drained}
     return drained
-
-
-def _positive(parameter: Parameter) -> Parameter:
-    """The parameter with bounds that a logarithm can search: within six decades of where it starts."""
-    low, high = max(parameter.low, parameter.initial * 1e-6), min(parameter.high, parameter.initial * 1e6)
-    return replace(parameter, low=low, high=high)

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from ambient_model.atomic import replacing
-from ambient_trainer.circuits.circuit import Addition, Circuit, Node, Output, Parameter
+from ambient_trainer.circuits.circuit import Addition, Circuit, Output, Parameter
 
 _WIDTH = 120
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
@@ -26,7 +26,7 @@ def write_circuit(circuit: Circuit) -> str:
     """The YAML of ``circuit``."""
     named = [each for each in circuit.parameters if _NAME.fullmatch(each.name)]
     # what the file gave as a bare number has no name that could stand for it
-    values: dict[str, str | float] = {each.name: each.initial for each in circuit.parameters}
+    values: dict[str | None, str | float] = {each.name: each.initial for each in circuit.parameters}
     values |= {each.name: each.name for each in named}
     data = {
         "format": "ambient-circuit",
@@ -35,7 +35,10 @@ def write_circuit(circuit: Circuit) -> str:
         "about": circuit.about,
         "form": circuit.form,
         "hold": circuit.hold,
-        "nodes": {node.name: _node(node, values) for node in circuit.nodes},
+        "nodes": {
+            node.name: _Line(_given(capacitance=values.get(node.capacitance), sensor=node.sensor))
+            for node in circuit.nodes
+        },
         "edges": [_Line(between=list(edge.between), resistance=values[edge.resistance]) for edge in circuit.edges],
         "sources": [
             _Line(into=source.into, signal=source.signal, share=values[source.share]) for source in circuit.sources
@@ -48,19 +51,15 @@ def write_circuit(circuit: Circuit) -> str:
     return yaml.dump(filled, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_WIDTH)
 
 
-def _node(node: Node, values: Mapping[str, str | float]) -> _Line:
-    return _Line(_given(capacitance=node.capacitance and values[node.capacitance], sensor=node.sensor))
-
-
-def _output(output: Output, values: Mapping[str, str | float]) -> dict[str, Any]:
+def _output(output: Output, values: Mapping[str | None, str | float]) -> dict[str, Any]:
     def weights(names: Mapping[str, str]) -> _Line | None:
         return _Line({each: values[name] for each, name in names.items()}) or None
 
     return _given(
         states="parallel" if output.states is None else weights(output.states),
         inputs=weights(output.inputs) if output.heat is None else "parallel",
-        heat=output.heat and values[output.heat],
-        offset=output.offset and values[output.offset],
+        heat=values.get(output.heat),
+        offset=values.get(output.offset),
     )
 
 
@@ -72,15 +71,7 @@ def _parameter(parameter: Parameter) -> _Line:
 
 def _mechanism(each: Addition) -> dict[str, Any]:
     numbers = {name: _Line(number) for name, number in each.numbers.items()}
-    return _given(
-        kind=each.kind,
-        at=list(each.at),
-        by=each.by,
-        from_s=each.from_s,
-        to_s=each.to_s,
-        numbers=numbers,
-        settings=_Line(each.settings) or None,
-    )
+    return _given(**{**vars(each), "at": list(each.at), "numbers": numbers, "settings": _Line(each.settings) or None})
 
 
 def _given(**entries: Any) -> dict[str, Any]:

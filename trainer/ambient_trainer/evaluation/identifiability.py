@@ -11,7 +11,7 @@ profile that never leaves that is flat: the data bound the parameter not at all 
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -136,25 +136,24 @@ class Subject:
     noise_degC: float
     memory_samples: float
 
-    def structure(self, circuit: Circuit | None = None) -> CircuitStructure:
-        """``circuit`` (by default the subject's) to be fitted to its own output."""
-        return CircuitStructure(circuit or self.circuit, self.own)
+    def structure(self, values: Mapping[str, float], held: Collection[str] = ()) -> CircuitStructure:
+        """The circuit to be fitted to its own output, as :func:`started` has it."""
+        return CircuitStructure(started(self.circuit, values, held), self.own)
 
 
-def starting_at(circuit: Circuit, values: Values) -> Circuit:
-    """``circuit`` with these initial values, within its bounds."""
-    parameters = (
-        replace(each, initial=min(max(values.get(each.name, each.initial), each.low), each.high))
-        for each in circuit.parameters
-    )
+def started(circuit: Circuit, values: Mapping[str, float], held: Collection[str] = ()) -> Circuit:
+    """``circuit`` with these initial values, within its bounds, and the parameters ``held`` no longer free."""
+    parameters = []
+    for each in circuit.parameters:
+        initial = min(max(values.get(each.name, each.initial), each.low), each.high)
+        parameters.append(replace(each, initial=initial, free=each.free and each.name not in held))
     return replace(circuit, parameters=tuple(parameters))
 
 
-def held(circuit: Circuit, values: Values) -> Circuit:
-    """``circuit`` with the named parameters held at these values."""
-    started = starting_at(circuit, values).parameters
-    parameters = (replace(each, free=each.free and each.name not in values) for each in started)
-    return replace(circuit, parameters=tuple(parameters))
+def _refitted(structure: CircuitStructure) -> tuple[float, Values]:
+    """The sum of squares where a search from the start ends, and the values of all parameters there."""
+    best = search(structure, 1, 0).best
+    return best.sum_of_squares, structure.values(best.theta, best.beta)
 
 
 def identifiability(
@@ -174,7 +173,8 @@ def identifiability(
     for name in fixed:
         if name not in known:
             raise refuse("--fix", "", f"{circuit.name} has no free parameter {name!r}", f"it has {', '.join(known)}")
-    circuit = held(circuit, {name: value for name, value in fixed.items() if value is not None})
+    given = {name: value for name, value in fixed.items() if value is not None}
+    circuit = started(circuit, given, given)
     progress("fitting", 0, effort.starts)
     fit = CircuitEstimator(circuit).fit(
         [trace], effort, lambda start, *_: progress("fitting", start, effort.starts), period_s
@@ -182,11 +182,11 @@ def identifiability(
     with threadpool_limits(1):
         values = {each.name: each.initial for each in circuit.parameters}
         values.update({each.name: each.value for each in fit.parameters})
-        held_there = held(circuit, {name: values[name] for name in fixed})
+        held_there = started(circuit, {name: values[name] for name in fixed}, fixed)
         stretches = segments(trace, circuit.inputs, [output.column for output in circuit.outputs], period_s)
         noise = max(fit.rmse_degC, _LEAST_NOISE_DEGC)
         subject = own_output(held_there, values, stretches, noise, fit.residual_memory_samples)
-        structure = subject.structure()
+        structure = subject.structure({})
         theta, beta = unknowns_at(structure, subject.values)
         sensed, profiles = sensitivity(structure, theta, beta, effort.seed), []
         ends, names = reestimates(subject, sensed, effort, progress), parameter_names(structure)
@@ -236,17 +236,15 @@ def reestimates(subject: Subject, known: Sensitivity, effort: Effort, progress: 
     """
     about_mean = sum(float(((row - row.mean()) ** 2).sum()) for each in subject.own for row in each.outputs)
     ends, random = [], np.random.default_rng(effort.seed + 1)
-    names = subject.structure().logarithmic_names
+    names = subject.structure({}).logarithmic_names
     for number in range(effort.starts):
         factors = np.exp(random.uniform(-_OFF, _OFF, len(names))) if number else np.ones(0)
         off = {name: subject.values[name] * by for name, by in zip(names, factors.tolist())}
         progress("fitting its own output", number, effort.starts)
-        structure = subject.structure(starting_at(subject.circuit, off) if off else None)
-        found = search(structure, 1, 0)
-        values = structure.values(found.best.theta, found.best.beta)
+        left, values = _refitted(subject.structure(off))
         heard = (name for name in known.effect_degC if name not in known.silent)
         moved = {name: _moved(subject.values[name], values[name]) for name in heard}
-        fit_percent = 100.0 * (1.0 - math.sqrt(max(found.best.sum_of_squares, 0.0) / about_mean))
+        fit_percent = 100.0 * (1.0 - math.sqrt(max(left, 0.0) / about_mean))
         ends.append(Reestimate(fit_percent, {name: values[name] for name in known.effect_degC}, moved))
     return tuple(ends)
 
@@ -258,7 +256,7 @@ def profile(subject: Subject, name: str) -> Profile:
     """
     parameter = next(each for each in subject.circuit.parameters if each.name == name)
     value, unit_deviance = subject.values[name], subject.noise_degC**2 * subject.memory_samples
-    logarithmic = name in subject.structure().logarithmic_names
+    logarithmic = name in subject.structure({}).logarithmic_names
     if logarithmic:
         spans = (math.log(min(100, value / parameter.low)), math.log(min(100, parameter.high / value)))
     else:
@@ -269,19 +267,14 @@ def profile(subject: Subject, name: str) -> Profile:
     def at(offset: float) -> float:
         return value * math.exp(offset) if logarithmic else value + offset
 
-    def refit(x: float, start: Values) -> tuple[float, Values]:
-        """The deviance with ``name`` at ``x``, and the values of the others there."""
-        structure = subject.structure(held(starting_at(subject.circuit, start), {name: x}))
-        best = search(structure, 1, 0).best
-        return best.sum_of_squares / unit_deviance, structure.values(best.theta, best.beta)
-
     def side(sign: int, span: float) -> tuple[list[tuple[float, float]], float | None]:
         """Points (value, deviance) in doubling steps to one side up to the threshold, and where they cross it."""
         points: list[tuple[float, float]] = []
         here, before, offset = subject.values, (0.0, 0.0), min(_FIRST * step, span)
         while offset > before[0]:
             x = at(sign * offset)
-            deviance, here = refit(x, here)
+            left, here = _refitted(subject.structure({**here, name: x}, [name]))
+            deviance = left / unit_deviance
             points.append((x, deviance))
             root = math.sqrt(max(deviance, 0.0))
             if deviance > THRESHOLD:
@@ -302,8 +295,7 @@ def recovered(
 ) -> tuple[Recovery, ...]:
     """What comes back, on average, of the identifiable parameters, from the own output with white noise."""
     random = np.random.default_rng(seed)
-    circuit = starting_at(subject.circuit, subject.values)
-    structure = subject.structure(circuit)
+    structure = subject.structure(subject.values)
     unclear = {*known.mixed, *known.mixed_here, *known.silent}
     names = [name for name in parameter_names(structure) if name not in unclear]
     positive = [name in structure.logarithmic_names for name in names]
@@ -314,9 +306,7 @@ def recovered(
             replace(each, outputs=each.outputs + random.normal(0.0, subject.noise_degC, each.outputs.shape))
             for each in subject.own
         ]
-        structure = CircuitStructure(circuit, noisy)
-        end = search(structure, 1, 0)
-        values = structure.values(end.best.theta, end.best.beta)
+        _, values = _refitted(CircuitStructure(structure.circuit, noisy))
         draws.append([math.log(values[name]) if log else values[name] for name, log in zip(names, positive)])
     if len(draws) < 2:
         return ()
