@@ -17,8 +17,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from ambient_trainer.data.grid import sampling_period_s
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.data import Array, Trace, sampling_period_s
 from ambient_trainer.estimation.uncertainty import residual_memory
 from ambient_trainer.lti.lag import lagged
 

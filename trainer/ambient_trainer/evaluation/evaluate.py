@@ -15,8 +15,7 @@ from ambient_model.model import Discrete, Input, Model
 from ambient_model.observer import Observer
 from ambient_model.trace import REFERENCE
 from ambient_model.tracking import Tracker, bridge_limit_s, nearest_discrete
-from ambient_trainer.data.grid import sampling_period_s
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.data import Array, Trace, sampling_period_s
 from ambient_trainer.estimators.base import STATIC_LINEAR
 from ambient_trainer.evaluation.metrics import Metrics, coverage, score
 from ambient_trainer.evaluation.provenance import overlaps_training, provenance_of

@@ -20,10 +20,8 @@ from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import refuse
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.data.grid import Segment, segments
-from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimation.circuit_structure import CircuitStructure
-from ambient_trainer.estimation.search import search
+from ambient_trainer.data import Array, Segment, Trace, segments
+from ambient_trainer.estimation import CircuitStructure, search
 from ambient_trainer.estimation.structure import project
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.registry import CircuitEstimator

@@ -13,8 +13,7 @@ import numpy as np
 
 from ambient_model.model import Model
 from ambient_model.tracking import TRACKING, nearest_discrete
-from ambient_trainer.data.grid import sampling_period_s
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.data import Array, Trace, sampling_period_s
 from ambient_trainer.evaluation.evaluate import tracked
 from ambient_trainer.report import Figure, Plot, Section, Table, plots
 

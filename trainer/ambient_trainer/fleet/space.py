@@ -18,14 +18,11 @@ from scipy.linalg import schur
 
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
-from ambient_trainer.data.grid import Segment, segments
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.data import Array, Segment, Trace, segments
 from ambient_trainer.estimation.uncertainty import residual_memory
 from ambient_trainer.estimators.base import Fit
 from ambient_trainer.fleet.pooling import Normal
-from ambient_trainer.lti.discretise import discretised
-from ambient_trainer.lti.response import states
-from ambient_trainer.lti.statespace import Hold, StateSpace, equilibrium
+from ambient_trainer.lti import Hold, StateSpace, discretised, equilibrium, states
 
 MAIN = "main"
 SECONDARY = "secondary"
