@@ -10,7 +10,8 @@ import time
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.fleet.dataset import Source
 from ambient_trainer.fleet.engine import Engine, engine_of
-from ambient_trainer.fleet.run import Question, fit_fleet
+from ambient_trainer.fleet.fit_units import Question
+from ambient_trainer.fleet.run import fit_fleet
 
 
 class Timed(Engine):

@@ -13,7 +13,7 @@ from ambient_model.codec import load_model
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import save_trace
 from ambient_trainer.evaluation import evaluate_trace
-from ambient_trainer.fleet import engine, run
+from ambient_trainer.fleet import engine, fit_units, run
 from ambient_trainer.simulator.fleet import fleet
 
 from .conftest import PLAN
@@ -136,7 +136,7 @@ def test_an_interrupted_run_goes_on_and_another_is_refused(logs, tmp_path, monke
     with pytest.raises(Refused):
         at.fit_fleet(logs, "free-2", tmp_path / "part", engine="serial", effort=EFFORT, resume=True)
     begun = []
-    monkeypatch.setattr(run, "begin", lambda *_: begun.append(1))
+    monkeypatch.setattr(fit_units, "begin", lambda *_: begun.append(1))
     asked = {"engine": "serial", "effort": EFFORT, "progress": lambda *now: seen.append(now)}
     at.fit_fleet(logs, "free-1", tmp_path / "part", resume=True, **asked)
     assert not begun

@@ -14,8 +14,9 @@ from ambient_trainer.api.result import Result
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.fleet.dataset import Source
 from ambient_trainer.fleet.engine import engine_of
+from ambient_trainer.fleet.fit_units import Question
 from ambient_trainer.fleet.report import report_of
-from ambient_trainer.fleet.run import FleetFit, Question
+from ambient_trainer.fleet.run import FleetFit
 from ambient_trainer.fleet.run import fit_fleet as fit_every_unit
 from ambient_trainer.report import Report
 

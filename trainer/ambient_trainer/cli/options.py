@@ -30,13 +30,9 @@ class FiniteRange(Finite, click.FloatRange):
     """``click.FloatRange``, which lets nan pass, and inf where a bound is open."""
 
 
-_report_option = click.option(
-    "--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder."
-)
-
-
 def output_options(data: str = "the figures", page: bool = False) -> Decorator:
     """Give a command --json, and --report with ``page``, as its ``output``: an :class:`Output`."""
+    report = click.option("--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder.")
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
         @click.option("--json", "json_path", metavar="OUT", help=f"Write {data} to this file as JSON.")
@@ -44,7 +40,7 @@ def output_options(data: str = "the figures", page: bool = False) -> Decorator:
         def with_output(json_path: str | None, report_folder: str | None = None, **rest: Any) -> Any:
             return command(output=Output(json_path, report_folder), **rest)
 
-        return _report_option(with_output) if page else with_output
+        return report(with_output) if page else with_output
 
     return decorate
 
@@ -70,16 +66,14 @@ def circuit_option(meaning: str = "A shipped circuit or a .yaml file.", **attrib
 
 def period_option(default: str = "the trace's own") -> Decorator:
     """Give a command on logged traces --period, as ``period_s``."""
-    return click.option(
-        "--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", show_default=default, help="Grid."
-    )
+    grid = FiniteRange(min=1e-3)
+    return click.option("--period", "period_s", type=grid, metavar="S", show_default=default, help="Grid.")
 
 
 def sampling_option(meaning: str, longest_s: float = 10) -> Decorator:
     """Give a command on the simulated phone --period, as ``period_s``: a device's, from 0.1 s on."""
-    return click.option(
-        "--period", "period_s", type=FiniteRange(0.1, longest_s), default=1.0, metavar="S", help=meaning
-    )
+    period = FiniteRange(0.1, longest_s)
+    return click.option("--period", "period_s", type=period, default=1.0, metavar="S", help=meaning)
 
 
 starts_option = click.option("--starts", type=click.IntRange(1, 1000), default=8, help="Searches from so many places.")
@@ -88,14 +82,10 @@ starts_option = click.option("--starts", type=click.IntRange(1, 1000), default=8
 
 def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give ``command`` --starts, --pieces and --seed, as its ``effort``."""
+    meaning = "Fit a trace in so many pieces, each from a cold start."
 
     @starts_option
-    @click.option(
-        "--pieces",
-        type=click.IntRange(1, 10_000),
-        default=1,
-        help="Fit a trace in so many pieces, each from a cold start.",
-    )
+    @click.option("--pieces", type=click.IntRange(1, 10_000), default=1, help=meaning)
     @seed_option("Of the places.")
     @functools.wraps(command)
     def with_effort(starts: int, pieces: int, seed: int, **rest: Any) -> Any:

@@ -12,9 +12,9 @@ from typing import Annotated, Literal
 
 import numpy as np
 import yaml
-from pydantic import Field, field_validator
+from pydantic import Field
 
-from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
+from ambient_trainer.data.strict_yaml import Strict, holds, load_yaml, validated
 
 
 class OffsetPoint(Strict):
@@ -25,17 +25,17 @@ class OffsetPoint(Strict):
     standard_error_K: float = Field(ge=0.0)
 
 
+_INCREASING = holds(
+    lambda points: all(one.reading_degC < other.reading_degC for one, other in itertools.pairwise(points)),
+    "the readings do not increase",
+    "sort the points, and drop doubles",
+)
+
+
 class ProbeOffset(Strict):
     """The offset of one probe at all temperatures of its calibration; beyond them the nearest holds."""
 
-    points: Annotated[tuple[OffsetPoint, ...], Field(min_length=1)]
-
-    @field_validator("points")
-    @classmethod
-    def _increasing(cls, points: tuple[OffsetPoint, ...]) -> tuple[OffsetPoint, ...]:
-        if any(one.reading_degC >= other.reading_degC for one, other in itertools.pairwise(points)):
-            raise wrong("the readings do not increase", "sort the points, and drop doubles")
-        return points
+    points: Annotated[tuple[OffsetPoint, ...], Field(min_length=1), _INCREASING]
 
     def at(self, reading_degC: float) -> float:
         """What to add to ``reading_degC``, in K."""
@@ -63,14 +63,7 @@ def load_offsets(path: str) -> dict[str, ProbeOffset]:
 
 def offsets_text(probes: Mapping[str, ProbeOffset], reference: str, created: datetime.datetime) -> str:
     """The file that :func:`load_offsets` reads; tenths of a millikelvin are more than any thermocouple is worth."""
-    data = {
-        "format": "probe-offsets",
-        "version": 1,
-        "created": created.isoformat(timespec="seconds"),
-        "reference": reference,
-        "probes": {
-            name: {"points": [{key: round(value, 4) for key, value in point} for point in offset.points]}
-            for name, offset in probes.items()
-        },
-    }
+    points = {name: [{key: round(value, 4) for key, value in each} for each in probes[name].points] for name in probes}
+    head = {"format": "probe-offsets", "version": 1, "created": created.isoformat(timespec="seconds")}
+    data = {**head, "reference": reference, "probes": {name: {"points": each} for name, each in points.items()}}
     return yaml.safe_dump(data, sort_keys=False, allow_unicode=True)

@@ -98,9 +98,13 @@ def calibrated(windows: Sequence[pd.DataFrame], source: str) -> dict[str, ProbeO
     The standard error of the mean of n samples with the integrated autocorrelation time tau (in samples) is
     s / sqrt(n / tau). Raises :class:`Refused` with each probe that is too far off to be in the bath ``source``.
     """
+    steadiest: list[pd.DataFrame] = []
+    for window in sorted(windows, key=lambda window: window[REFERENCE].std(ddof=0)):
+        if all(abs(window[REFERENCE].mean() - other[REFERENCE].mean()) >= _APART_K for other in steadiest):
+            steadiest.append(window)
     points: dict[str, list[OffsetPoint]] = {}
     faults = []
-    for window in sorted(_by_temperature(windows), key=lambda window: window[REFERENCE].mean()):
+    for window in sorted(steadiest, key=lambda window: window[REFERENCE].mean()):
         for name in window.columns.drop(REFERENCE):
             point = _point(window[[REFERENCE, name]].dropna().to_numpy())
             points.setdefault(name, []).append(point)
@@ -113,21 +117,10 @@ def calibrated(windows: Sequence[pd.DataFrame], source: str) -> dict[str, ProbeO
     return {name: ProbeOffset(points=tuple(each)) for name, each in points.items()}
 
 
-def _by_temperature(windows: Sequence[pd.DataFrame]) -> list[pd.DataFrame]:
-    """For each temperature its steadiest window."""
-    kept: list[pd.DataFrame] = []
-    for window in sorted(windows, key=lambda window: window[REFERENCE].std(ddof=0)):
-        if all(abs(window[REFERENCE].mean() - other[REFERENCE].mean()) >= _APART_K for other in kept):
-            kept.append(window)
-    return kept
-
-
 def _point(pairs: np.ndarray) -> OffsetPoint:
     """The offset from (reference, probe) in degC, shape (n, 2)."""
     excess_K = pairs[:, 0] - pairs[:, 1]
     independent = max(len(excess_K) / max(residual_memory(excess_K), 1.0), 1.0)
-    return OffsetPoint(
-        reading_degC=float(pairs[:, 1].mean()),
-        offset_K=float(excess_K.mean()),
-        standard_error_K=float(excess_K.std(ddof=1) / math.sqrt(independent)),
-    )
+    error_K = float(excess_K.std(ddof=1) / math.sqrt(independent))
+    mean_degC, offset_K = float(pairs[:, 1].mean()), float(excess_K.mean())
+    return OffsetPoint(reading_degC=mean_degC, offset_K=offset_K, standard_error_K=error_K)

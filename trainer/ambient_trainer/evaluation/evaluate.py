@@ -90,10 +90,6 @@ class Tracked(NamedTuple):
     sigma_degC: Array
     status: NDArray[np.str_]
 
-    def last(self, count: int) -> "Tracked":
-        """The last ``count`` samples."""
-        return Tracked._make(each[len(each) - count :] for each in self)
-
 
 def evaluate_cold(model: Model, trace: Trace, from_s: float | None = None, to_s: float | None = None) -> Evaluation:
     """Evaluate ``model`` on ``trace`` between from_s and to_s, from a cold start at from_s.
@@ -135,7 +131,7 @@ def evaluate_trace(model: Model, trace: Trace, from_s: float | None = None) -> E
             f"{bridge_limit_s(discrete.period_s):g} s"
         )
         raise refuse(trace.path, "", problem, "log more often, or fit the model to a trace with this period")
-    found = tracked(model, discrete, whole).last(len(trace.time_s))
+    found = Tracked._make(each[-len(trace.time_s) :] for each in tracked(model, discrete, whole))
     error = trace.reference - found.ambient_degC
     scored = np.isfinite(error)
     if np.count_nonzero(scored) < 2:

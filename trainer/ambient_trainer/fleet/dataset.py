@@ -105,9 +105,8 @@ def entries(path: str, source: Source) -> list[Entry]:
         for each in _entries_in(file, path, source.by):
             found[each.unit] = found[each.unit].with_more(each) if each.unit in found else each
     if not found:
-        raise refuse(
-            path, "", "holds no trace", "put .csv, .csv.gz or .parquet files there, one a unit or with a column"
-        )
+        hint = "put .csv, .csv.gz or .parquet files there, one a unit or with a column"
+        raise refuse(path, "", "holds no trace", hint)
     return [found[name] for name in sorted(found)]
 
 
@@ -247,9 +246,7 @@ def _opened(path: str) -> pq.ParquetFile:
     return pq.ParquetFile(path)
 
 
-def write_dataset(
-    folder: str, rows: Iterable[tuple[str, Trace, dict[str, str]]], by: str = "unit", each: int = 50
-) -> int:
+def write_dataset(folder: str, rows: Iterable[tuple[str, Trace, dict[str, str]]], each: int = 50) -> int:
     """Write units (name, trace, labels) as a Parquet dataset, ``each`` a file, one row group a unit; their number.
 
     Raises :class:`Refused` where the folder holds something already.
@@ -260,16 +257,16 @@ def write_dataset(
     os.makedirs(folder, exist_ok=True)
     if os.listdir(folder):
         raise refuse(folder, "", "is not empty", "name a new folder for the dataset")
-    count = 0
+    count = -1
     with contextlib.ExitStack() as opened:
-        for unit, trace, labels in rows:
+        for count, (unit, trace, labels) in enumerate(rows):
             length = len(trace.time_s)
-            texts = {name: pa.array([text] * length).dictionary_encode() for name, text in {by: unit, **labels}.items()}
+            named = {"unit": unit, **labels}
+            texts = {name: pa.array([text] * length).dictionary_encode() for name, text in named.items()}
             table = pa.table({**texts, TIME: trace.time_s, **trace.columns})
             if count % each == 0:
                 opened.close()
                 path = os.path.join(folder, f"part-{count // each:05d}.parquet")
                 writer = opened.enter_context(pq.ParquetWriter(path, table.schema))
             writer.write_table(table, row_group_size=max(length, 1))
-            count += 1
-    return count
+    return count + 1

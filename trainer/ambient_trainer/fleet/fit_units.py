@@ -17,10 +17,10 @@ from threadpoolctl import threadpool_limits
 
 from ambient_model.codec import encode
 from ambient_model.faults import Refused
-from ambient_model.model import SCORES, Model
+from ambient_model.model import SCORES
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimators.base import Effort, Fit
+from ambient_trainer.estimators.base import USUAL, Effort, Fit
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.fleet.dataset import FEWEST, Entry, Log, Source, logs, reason_of, too_few
@@ -31,6 +31,20 @@ _GRID_SAMPLES = 20_000
 """The population's time constants are fitted to about so many samples of the units that it is begun with."""
 _KEPT = 201
 OK, FAILED = "ok", "failed"
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked: the dataset, the estimator, and the effort of beginning the population."""
+
+    path: str
+    circuit: str
+    source: Source
+    """How the dataset is read before the columns are known."""
+    sensors: tuple[str, ...] = ()
+    effort: Effort = USUAL
+    forward: str | None = None
+    """The circuit with which outliers are diagnosed; None: they are not."""
 
 
 @dataclass(frozen=True)
@@ -76,31 +90,21 @@ class Fitted:
     model: str | None
 
 
-def begin(
-    efforts: Sequence[Effort],
-    path: str,
-    wanted: Sequence[Entry],
-    source: Source,
-    circuit: str,
-    sensors: Sequence[str],
-    enough: int,
-) -> list[Start]:
+def begin(efforts: Sequence[Effort], wanted: Sequence[Entry], question: Question, enough: int) -> list[Start]:
     """Fit the estimator to the first ``enough`` of ``wanted`` that can be read, on one coarse grid, by each effort.
 
     Raises :class:`Refused` where fewer than two can be, and as the estimator does.
     """
     with threadpool_limits(1):
-        method = estimator(circuit, sensors)
+        method, columns = estimator(question.circuit, question.sensors), question.sensors
         read: list[Trace] = []
         reasons: dict[str, str | None] = {}
-        for entry in wanted:
-            (log,) = logs([entry], source)
+        for log in logs(wanted, question.source):
             reasons[log.unit] = log.reason
             if log.trace is not None:
                 read.append(replace(log.trace, path=log.unit))
             if len(read) == enough:
                 break
-        columns = tuple(sensors)
         if method.reads_any and not columns:  # temperatures of more than half, in the order of the first that has them
             counts = Counter(name for trace in read for name in trace.columns if name.endswith("_degC"))
             columns = tuple(name for name, count in counts.items() if 2 * count > len(read) and name != REFERENCE)
@@ -112,7 +116,7 @@ def begin(
             except Refused as refused:
                 reasons[trace.path] = reason_of(refused)
         if len(traces) < FEWEST:
-            raise too_few(path, reasons.items())
+            raise too_few(question.path, reasons.items())
         total_s = sum(float(trace.time_s[-1] - trace.time_s[0]) for trace in traces)
         own_s = max(float(np.median(np.diff(trace.time_s))) for trace in traces)
         period_s = max(own_s, float(np.ceil(total_s / _GRID_SAMPLES)))
@@ -260,14 +264,7 @@ def _held_out(
 
 def unseen_model(start: Start, learnt: Learnt, units: int, created: str) -> str:
     """The model file for a unit that was never seen, with the interval that is honest for it."""
-    main = learnt.populations[MAIN]
-    said = {
-        "units": units,
-        "learnt_from": main.units,
-        "memory_s": main.memory_s,
-        "noise_degC": main.noise_degC,
-        "between_units_degC": main.between_degC,
-    }
+    said = {"units": units, **learnt.populations[MAIN].summary}
     systems = {name: space.system(learnt.populations[name].mean) for name, space in start.spaces.items()}
     deviation = {name: each.unseen_degC for name, each in learnt.populations.items()}
     return model_text(assembled(start.fit, systems), deviation, said, [], created)
@@ -285,15 +282,10 @@ def model_text(
     def interval(name: str) -> dict[int, tuple[float, float]]:
         return {level: (-score * deviation_degC[name], score * deviation_degC[name]) for level, score in SCORES.items()}
 
-    model: Model = model_of(replace(fit, details={**fit.details, "fleet": dict(said)}), training, {})
-    second = model.secondary
-    if second is not None:
-        second = second._replace(estimator=second.estimator._replace(interval=interval(SECONDARY)))
-    return encode(
-        model._replace(
-            created=created,
-            main=model.main._replace(interval=interval(MAIN)),
-            fallbacks={name: each._replace(interval=interval(name)) for name, each in model.fallbacks.items()},
-            secondary=second,
-        )
-    )
+    model = model_of(replace(fit, details={**fit.details, "fleet": dict(said)}), training, {})
+    if (second := model.secondary) is not None:
+        estimator_there = second.estimator._replace(interval=interval(SECONDARY))
+        model = model._replace(secondary=second._replace(estimator=estimator_there))
+    fallbacks = {name: each._replace(interval=interval(name)) for name, each in model.fallbacks.items()}
+    main = model.main._replace(interval=interval(MAIN))
+    return encode(model._replace(created=created, main=main, fallbacks=fallbacks))

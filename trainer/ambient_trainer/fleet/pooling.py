@@ -149,6 +149,12 @@ class Population:
         return float(np.sqrt(np.trace(self.between)))
 
     @property
+    def summary(self) -> dict[str, float]:
+        """From how many units it was learnt, and what it says of errors."""
+        spread = {"noise_degC": self.noise_degC, "between_units_degC": self.between_degC}
+        return {"learnt_from": self.units, "memory_s": self.memory_s, **spread}
+
+    @property
     def unseen_degC(self) -> float:
         """Of the error to expect of a unit that was never seen, about ``mean``."""
         covariance = self.between + self.group_between + self.mean_covariance
@@ -195,18 +201,8 @@ def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Populatio
         squares = units.squares((centre + apart) @ white.T)
         weight = _weight((apart**2).sum(axis=1), p - open_) * _weight(squares / scale, 1 + units.seconds / memory_s)
         variance = float((weight * (squares + scale * (p - open_))).sum() / (weight * units.seconds).sum())
-    known = np.linalg.inv(total)
-    return Population(
-        mean,
-        white @ known @ white.T,
-        between,
-        variance,
-        memory_s,
-        means,
-        white @ above.covariance @ white.T,
-        group_between,
-        u,
-    )
+    known, of_means = (white @ each @ white.T for each in (np.linalg.inv(total), above.covariance))
+    return Population(mean, known, between, variance, memory_s, means, of_means, group_between, u)
 
 
 def _times(matrices: Array, vectors: Array) -> Array:

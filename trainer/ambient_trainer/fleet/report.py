@@ -31,11 +31,18 @@ def report_of(fleet: FleetFit) -> Report:
     errors = {way: good[f"rmse_{way}_degC"].to_numpy() for way in _WAYS}
     median = {way: float(np.median(each)) for way, each in errors.items()}
     broken = Finding(f"{len(failed)} of {len(table)} units failed; the table has the reasons.", "warning")
-    rows = [(way, *(f"{value:.2f}" for value in np.percentile(each, _SHARES))) for way, each in errors.items()]
+    shares = {way: np.percentile(each, _SHARES) for way, each in errors.items()}
+    rows = [(way, *(f"{value:.2f}" for value in each)) for way, each in shares.items()]
     names = fleet.start.spaces[MAIN].parameters[0]
     gains = [(name, *(f"{value:.3f}" for value in np.percentile(good[name], (5, 50, 95)))) for name in names]
-    lost = [(str(row["unit"]), str(row["reason"])) for _, row in failed.head(_SHOWN).iterrows()]
+    lost = {str(unit): reason for unit, reason in zip(failed["unit"], failed["reason"])}
     more = f"{len(failed) - _SHOWN} more in fleet.parquet" if len(failed) > _SHOWN else ""
+    facts = [
+        ("inputs", ", ".join(fleet.start.fit.inputs)),
+        ("begun with", ", ".join(fleet.start.units)),
+        ("groups", ", ".join("/".join(each) for each in fleet.groups if each) or "none"),
+    ]
+    outliers = Table("", ("unit", "probability", "cause", "confidence"), list(map(_outlier, fleet.outliers)))
     return Report(
         subject="A fleet",
         title=f"{fleet.circuit}, {len(good)} units: {median['partial']:.2f} degC on blocks held out (median)",
@@ -46,13 +53,7 @@ def report_of(fleet: FleetFit) -> Report:
                 "result",
             ),
             broken if len(failed) else None,
-            Facts(
-                [
-                    ("inputs", ", ".join(fleet.start.fit.inputs)),
-                    ("begun with", ", ".join(fleet.start.units)),
-                    ("groups", ", ".join("/".join(each) for each in fleet.groups if each) or "none"),
-                ]
-            ),
+            Facts(facts),
         ],
         sections=[
             Section(
@@ -74,24 +75,17 @@ def report_of(fleet: FleetFit) -> Report:
                     Figure(partial(_map, fleet, good, names), "Each unit; outliers are named."),
                 ],
             ),
+            Section("Units that fit least", [outliers]),
             Section(
-                "Units that fit least",
-                [Table("", ("unit", "probability", "cause", "confidence"), list(map(_outlier, fleet.outliers)))],
+                "Units that failed",
+                [Table(more, ("unit", "reason"), list(lost.items())[:_SHOWN], labels=2)] if lost else [],
             ),
-            Section("Units that failed", [Table(more, ("unit", "reason"), lost, labels=2)] if len(failed) else []),
         ],
         data={
             "units": len(table),
-            "failed": {str(row["unit"]): row["reason"] for _, row in failed.iterrows()},
-            "rmse_degC": {
-                way: dict(zip(map(str, _SHARES), np.percentile(each, _SHARES).tolist())) for way, each in errors.items()
-            },
-            "population": {
-                "learnt_from": population.units,
-                "noise_degC": population.noise_degC,
-                "memory_s": population.memory_s,
-                "between_units_degC": population.between_degC,
-            },
+            "failed": lost,
+            "rmse_degC": {way: dict(zip(map(str, _SHARES), each.tolist())) for way, each in shares.items()},
+            "population": population.summary,
             "outliers": [each._asdict() for each in fleet.outliers],
         },
     )

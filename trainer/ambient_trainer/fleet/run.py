@@ -21,21 +21,13 @@ from ambient_model import __version__
 from ambient_model.faults import Refused, refuse
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import sha256_of
-from ambient_trainer.estimators.base import USUAL, Effort
+from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.registry import estimator, thermal_circuit
-from ambient_trainer.fleet.dataset import FEWEST, Entry, Source, entries, too_few
+from ambient_trainer.fleet import fit_units, outliers
+from ambient_trainer.fleet.dataset import FEWEST, Entry, entries, too_few
 from ambient_trainer.fleet.engine import Engine, Job, unpacked
-from ambient_trainer.fleet.fit_units import FAILED, Learnt, Looked, Start, begin, failed, fit_chunk, look, unseen_model
-from ambient_trainer.fleet.outliers import (
-    Outlier,
-    diagnose_units,
-    learn_typical,
-    least_probable,
-    scored,
-    to_diagnose,
-    typical,
-    undiagnosed,
-)
+from ambient_trainer.fleet.fit_units import Learnt, Looked, Question, Start
+from ambient_trainer.fleet.outliers import Outlier
 from ambient_trainer.fleet.parts import Parts, Progress, Stage, write_whole
 from ambient_trainer.fleet.pooling import Normal, Population, pooled
 from ambient_trainer.fleet.space import MAIN
@@ -49,20 +41,6 @@ _LEARNT_FROM = 500
 """Units of the reduction: more change the between-unit covariance by less than a unit's own log does."""
 _LONGEST = 100
 _MEMORY_PERCENT = 75
-
-
-@dataclass(frozen=True)
-class Question:
-    """What is asked: the dataset, the estimator, and the effort of beginning the population."""
-
-    path: str
-    circuit: str
-    source: Source
-    """How the dataset is read before the columns are known."""
-    sensors: tuple[str, ...] = ()
-    effort: Effort = USUAL
-    forward: str | None = None
-    """The circuit with which outliers are diagnosed; None: they are not."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +62,7 @@ class FleetFit:
     @property
     def failed(self) -> pd.DataFrame:
         """The units that could not be fitted, with the reason."""
-        return self.table[self.table["status"] == FAILED]
+        return self.table[self.table["status"] == fit_units.FAILED]
 
 
 def fit_fleet(
@@ -129,11 +107,11 @@ def _fitted(question: Question, listed: Sequence[Entry], folder: str, parts: Par
     source = replace(question.source, columns=(*columns, REFERENCE))
     chunks = [listed[first : first + CHUNK] for first in range(0, len(listed), CHUNK)]
     unread = "its worker died whenever it was read: too large for its memory, or damaged"
-    looking = Job(look, chunks, (source, start), lambda entry: Looked(entry.unit, (), unread))
+    looking = Job(fit_units.look, chunks, (source, start), lambda entry: Looked(entry.unit, (), unread))
     looked = parts.stage("look", "looking at units", looking)
     learnt = _learnt(looked, start, question)
-    died = partial(failed, within=source.within, reason="its worker died")
-    fitted = parts.stage("fit", "fitting units", Job(fit_chunk, looked, (start, learnt, parts.created), died))
+    died = partial(fit_units.failed, within=source.within, reason="its worker died")
+    fitted = parts.stage("fit", "fitting units", Job(fit_units.fit_chunk, looked, (start, learnt, parts.created), died))
     found = _written(fitted, folder, question.circuit, start, learnt, parts.created)
     if question.forward is not None:
         found = replace(found, outliers=_diagnosed(parts, found, question, listed))
@@ -168,9 +146,10 @@ def _begun(parts: Parts, question: Question, listed: Sequence[Entry]) -> Start:
     if estimator(question.circuit, question.sensors).starts_apart:
         firsts = range(0, effort.starts, _STARTS_A_TASK)
         shares = [replace(effort, first=first, starts=min(_STARTS_A_TASK, effort.starts - first)) for first in firsts]
-    wanted = longest[: _TRIED * _BEGUN_WITH]
-    rest = (question.path, wanted, question.source, question.circuit, question.sensors, _BEGUN_WITH)
-    begun = parts.stage("begin", "beginning with the longest logs", Job(begin, [[each] for each in shares], rest, died))
+    rest = (longest[: _TRIED * _BEGUN_WITH], question, _BEGUN_WITH)
+    begun = parts.stage(
+        "begin", "beginning with the longest logs", Job(fit_units.begin, [[each] for each in shares], rest, died)
+    )
     ends: list[Start] = [end for (end,) in begun.results()]
     best = min(ends, key=lambda each: each.fit.rmse_degC)
     fit = replace(
@@ -225,26 +204,26 @@ def _written(fitted: Stage, folder: str, circuit: str, start: Start, learnt: Lea
         rows.append(each.row)
         if each.model is not None:
             write_whole(os.path.join(models, f"{quote(each.row['unit'], safe=' ')}.json"), each.model.encode())
-    table = scored(pd.DataFrame(rows))
+    table = outliers.scored(pd.DataFrame(rows))
     stream = io.BytesIO()
     table.to_parquet(stream, index=False)
     write_whole(os.path.join(folder, "fleet.parquet"), stream.getvalue())
     units = int(table["improbability"].notna().sum())
-    write_whole(os.path.join(folder, "population.json"), unseen_model(start, learnt, units, created).encode())
+    write_whole(os.path.join(folder, "population.json"), fit_units.unseen_model(start, learnt, units, created).encode())
     main = learnt.populations[MAIN]
-    return FleetFit(circuit, folder, table, main, start, learnt.groups, least_probable(table))
+    return FleetFit(circuit, folder, table, main, start, learnt.groups, outliers.least_probable(table))
 
 
 def _diagnosed(parts: Parts, found: FleetFit, question: Question, listed: Sequence[Entry]) -> tuple[Outlier, ...]:
     """The outliers with the cause of each that is worth a diagnosis."""
     places = {each.unit: each for each in listed}
-    worst = to_diagnose(found.outliers)
+    worst = outliers.to_diagnose(found.outliers)
     if not worst:
         return found.outliers
-    good, rest = [places[unit] for unit in typical(found.table)], (question.source, question.forward)
-    learning = Job(learn_typical, [[good]], rest, lambda _: "the worker that learnt typical units died")
+    good, rest = [places[unit] for unit in outliers.typical(found.table)], (question.source, question.forward)
+    learning = Job(outliers.learn_typical, [[good]], rest, lambda _: "the worker that learnt typical units died")
     ((known,),) = parts.stage("typical", "learning typical units", learning).results()
-    died, wanted = partial(undiagnosed, reason="its worker died"), [[places[unit]] for unit in worst]
-    job = Job(diagnose_units, wanted, (question.source, known), died)
+    died, wanted = partial(outliers.undiagnosed, reason="its worker died"), [[places[unit]] for unit in worst]
+    job = Job(outliers.diagnose_units, wanted, (question.source, known), died)
     named = {each.unit: each for (each,) in parts.stage("diagnosis", "diagnosing outliers", job).results()}
     return tuple(named.get(each.unit, each)._replace(improbability=each.improbability) for each in found.outliers)

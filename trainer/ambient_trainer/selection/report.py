@@ -124,7 +124,7 @@ def findings(result: SearchResult) -> list[str]:
     """The findings in sentences, the most important first."""
     errors = [each.rmse_degC for each in result.sizes]
     named, least = result.recommended, min(result.sizes, key=lambda each: each.rmse_degC)
-    on = "held-out blocks (simulated)" if result.data.simulated else "held-out blocks"
+    on = f"held-out blocks{' (simulated)' * result.data.simulated}"
     lines = [f"{counted(len(named.sensors))}, {_all_of(named.sensors)}: RMSE {named.rmse_degC:.2f} degC on {on}"]
     if least is not named:
         lines.append(
@@ -189,11 +189,10 @@ def _label(result: SearchResult, each: SelectedSet) -> str:
 def _alternatives(named: SelectedSet) -> list[str]:
     lines = []
     for out in named.sensors:
-        others = [each for each in named.alternatives if each.out == out]
-        if others:
-            shown = [each.into for each in others[:_NAMED_ALTERNATIVES]]
-            more = f" or one of {len(others) - len(shown)} more" if len(others) > len(shown) else ""
-            lines.append(f"{out} or {' or '.join(shown)}{more}: within {NEAR_DEGC:g} degC.")
+        if others := [each.into for each in named.alternatives if each.out == out]:
+            hidden = len(others) - _NAMED_ALTERNATIVES
+            more = f" or one of {hidden} more" if hidden > 0 else ""
+            lines.append(f"{out} or {' or '.join(others[:_NAMED_ALTERNATIVES])}{more}: within {NEAR_DEGC:g} degC.")
     return lines
 
 
@@ -238,10 +237,7 @@ def _size_data(each: SelectedSet, circuit: SelectedCircuit | None) -> dict[str, 
         "circuit": circuit
         and {
             "name": circuit.circuit.name,
-            "form": circuit.topology.form,
-            "sensors": list(circuit.topology.sensors),
-            "states": list(circuit.topology.states),
-            "edges": [list(edge) for edge in circuit.topology.edges],
+            **asdict(circuit.topology),
             **_held_out_data(circuit),
             "tried": circuit.tried,
         },

@@ -47,24 +47,19 @@ def screened(traces: Sequence[Trace]) -> tuple[tuple[Sensor, ...], dict[str, str
     table = pd.concat(frames, ignore_index=True)
     if table.columns.empty:
         raise refuse(traces[0].path, "line 1", "no '_degC' column besides the reference", "log a sensor")
-    why: dict[str, str] = {}
+    why: dict[str, str | None] = {}
     for name in table:
         without = [trace.path for trace, frame in zip(traces, frames) if name not in frame]
-        reason = f"not in {', '.join(without)}" if without else _unusable(table[name])
-        if reason is not None:
-            why[name] = reason
-    usable = [each for each in table if each not in why]
-    beside = {each: _stuck(each, table[usable], [frame[usable] for frame in frames]) for each in usable}
-    why |= {each: reason for each, reason in beside.items() if reason}
+        why[name] = f"not in {', '.join(without)}" if without else _unusable(table[name])
+    usable = [name for name in table if why[name] is None]
+    why |= {name: _stuck(name, table[usable], [frame[usable] for frame in frames]) for name in usable}
     kept: list[str] = []
-    for name in (each for each in table if each not in why):
-        twin = next((other for other in kept if np.ptp((table[name] - table[other]).dropna()) <= _SAME_K), None)
-        if twin is None:
-            kept.append(name)
-        else:
-            why[name] = f"reads the same as {twin.removesuffix('_degC')}"
+    for name in (each for each in usable if why[each] is None):
+        twins = [other for other in kept if np.ptp((table[name] - table[other]).dropna()) <= _SAME_K]
+        why[name] = f"reads the same as {twins[0].removesuffix('_degC')}" if twins else None
+        kept += [] if twins else [name]
     sensors = tuple(_sensor(each, [frame[each] for frame in frames]) for each in kept)
-    return sensors, {name: why[name] for name in table if name in why}
+    return sensors, {name: reason for name, reason in why.items() if reason is not None}
 
 
 def _unusable(values: pd.Series) -> str | None:
@@ -91,17 +86,14 @@ def _stuck(name: str, table: pd.DataFrame, frames: Sequence[pd.DataFrame]) -> st
     if own < _IDLE_SHARE * theirs:
         return f"stuck: it moves by {own:.2g} degC (standard deviation), the median zone by {theirs:.2g}"
     for frame in frames:
-        values, time_s = frame[name].to_numpy(), frame.index.to_numpy()
-        edges = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0) + 1, [len(values)]])
-        longest = int(np.argmax(np.diff(edges)))
-        start, stop = int(edges[longest]), int(edges[longest + 1])
-        lasted_s = time_s[stop - 1] - time_s[start]
-        if lasted_s < max(_STUCK_S, _STUCK_SHARE * (time_s[-1] - time_s[0])):
-            continue
-        meanwhile = frame.drop(columns=name).iloc[start:stop]
+        run = frame[name].diff().ne(0.0).cumsum()
+        longest = frame[run == run.groupby(run).size().idxmax()]
+        start_s, lasted_s = longest.index[0], longest.index[-1] - longest.index[0]
+        meanwhile = longest.drop(columns=name)
         moved = (meanwhile.max() - meanwhile.min()).fillna(0.0)
-        if moved.quantile(0.25) > _MEANWHILE_K:
-            place = f"{frame[name].iloc[start]:g} degC from {time_s[start]:.10g} s on for {lasted_s:.0f} s"
+        long = lasted_s >= max(_STUCK_S, _STUCK_SHARE * (frame.index[-1] - frame.index[0]))
+        if long and moved.quantile(0.25) > _MEANWHILE_K:
+            place = f"{longest[name].iloc[0]:g} degC from {start_s:.10g} s on for {lasted_s:.0f} s"
             return f"stuck: {place}, while the others moved by {moved.median():.1f} degC (median)"
     return None
 

@@ -261,6 +261,9 @@ def searched(
     return SearchResult(data, search.poles_s, len(search.errors), tuple(sizes), given, circuits, unnamed, paths)
 
 
+_Fit = Callable[[Sequence[Topology]], dict[Topology, dict[str, Any]]]
+
+
 class _Search:
     """The steps of a search: poles, sets of sensors, each scored once, and the circuits of the best."""
 
@@ -345,11 +348,7 @@ class _Search:
         return found
 
     def _best_circuit(
-        self,
-        fit: Callable[[Sequence[Topology]], dict[Topology, dict[str, Any]]],
-        structure_of: Callable[[Topology], CircuitStructure],
-        names: Sequence[str],
-        samples: tuple[float, ...],
+        self, fit: _Fit, structure_of: partial[CircuitStructure], names: Sequence[str], samples: tuple[float, ...]
     ) -> SelectedCircuit:
         fits: dict[Topology, dict[str, Any]] = {}
 
@@ -380,10 +379,10 @@ def _fits(
     structure_of: Callable[[Any], Structure], blocks: Sequence[Block], spending: dict[str, int], keys: Sequence[Any]
 ) -> list[dict[str, Any]]:
     """Per key the unknowns of its structure, and the sum of squares of each block that was left out."""
-    fits = [refitted(structure_of(key), blocks, **spending) for key in keys]
-    return [
-        {"theta": best.theta.tolist(), "beta": best.beta.tolist(), "squares": list(squares)} for best, squares in fits
-    ]
+    found = []
+    for best, squares in (refitted(structure_of(key), blocks, **spending) for key in keys):
+        found.append({"theta": best.theta.tolist(), "beta": best.beta.tolist(), "squares": list(squares)})
+    return found
 
 
 def _free_filter(laid: Sequence[Segment], order: int, members: Sensors) -> FreeFilter:

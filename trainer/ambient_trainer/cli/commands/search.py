@@ -1,18 +1,13 @@
 """``ambient-trainer search``: which sensors, how many, and which circuit, by the error on blocks that no fit saw."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from ambient_model import __version__
 from ambient_trainer import cli
 from ambient_trainer.report.files import made_folder
-
-if TYPE_CHECKING:
-    from ambient_trainer.selection.search import SearchResult
 
 
 @click.command("search")
@@ -61,7 +56,8 @@ def command(
     A zone that is dead, constant, stuck or a double is left out, with the reason. With --state, Ctrl-C loses nothing:
     the same command goes on where it stopped.
     """
-    from ambient_trainer.data.trace import load_trace, sha256_of  # scipy: --help should not wait for it
+    from ambient_trainer.circuits import save_circuit  # scipy: --help should not wait for it
+    from ambient_trainer.data.trace import load_trace, sha256_of
     from ambient_trainer.selection.report import left_out_lines, report_of
     from ambient_trainer.selection.resumable import ResumablePool
     from ambient_trainer.selection.screen import screened
@@ -82,23 +78,16 @@ def command(
     identity = {"made_by": __version__, "traces": digests, "from_s": from_s, "to_s": to_s, **asdict(chosen)}
     try:
         with cli.counted_progress() as progress, ResumablePool(jobs, state_path, identity, progress) as pool:
-            result = searched(
-                data, pool, [name.removesuffix("_degC") for name in against or ()], checks, not no_circuits
-            )
+            compared = [name.removesuffix("_degC") for name in against or ()]
+            result = searched(data, pool, compared, checks, not no_circuits)
     except KeyboardInterrupt:
         kept = f"what is done is kept in {state_path}: the same command goes on from there"
         lost = "nothing was kept: with --state FILE the next one could go on from there"
         raise click.ClickException(f"stopped; {kept if state_path else lost}") from None
     output.show(report_of(result))
     if circuit_folder is not None:
-        _write_circuits(circuit_folder, result)
-
-
-def _write_circuits(folder: str, result: SearchResult) -> None:
-    from ambient_trainer.circuits.write import save_circuit
-
-    place = made_folder(folder)
-    for each in result.circuits.values():
-        path = str(place / f"{each.circuit.name}.yaml")
-        save_circuit(path, each.circuit)
-        click.echo(f"Circuit: {path}")
+        place = made_folder(circuit_folder)
+        for each in result.circuits.values():
+            path = str(place / f"{each.circuit.name}.yaml")
+            save_circuit(path, each.circuit)
+            click.echo(f"Circuit: {path}")
