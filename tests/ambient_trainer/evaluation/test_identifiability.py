@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ambient_trainer.circuits.addition import started
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace, save_trace
@@ -14,7 +15,6 @@ from ambient_trainer.evaluation.identifiability import (
     profile,
     recovered,
     reestimates,
-    started,
     unknowns_at,
 )
 from ambient_trainer.evaluation.identifiability_report import report_of

@@ -3,7 +3,7 @@
 What is added starts at the value given and is free; every new name is one that the circuit does not have.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from math import inf
 
@@ -14,6 +14,15 @@ def with_values(circuit: Circuit, values: Mapping[str, float]) -> Circuit:
     """``circuit`` with its free parameters starting at ``values``; bounds give way to them."""
     started = (each for each in circuit.parameters if each.free and each.name in values)
     return _with(circuit, {each.name: _moved(each, values[each.name]) for each in started})
+
+
+def started(circuit: Circuit, values: Mapping[str, float], held: Collection[str] = ()) -> Circuit:
+    """``circuit`` with these initial values, within its bounds, and the parameters ``held`` no longer free."""
+    parameters = []
+    for each in circuit.parameters:
+        initial = min(max(values.get(each.name, each.initial), each.low), each.high)
+        parameters.append(replace(each, initial=initial, free=each.free and each.name not in held))
+    return replace(circuit, parameters=tuple(parameters))
 
 
 def with_source(circuit: Circuit, into: str, signal: str, share: float, unit: str) -> Circuit:

@@ -263,22 +263,17 @@ class _Reading:
     def _check(self, circuit: Circuit) -> None:
         states = {node.name for node in circuit.states}
         for output in circuit.outputs:
-            for node in output.states or ():
-                if node not in states:
-                    self._fault(
-                        f"outputs.{output.name}.states", f"{node!r} is no node with a capacitance", "name a state"
-                    )
-            for column in output.inputs:
-                if column not in circuit.inputs:
-                    known = ", ".join(circuit.inputs)
-                    self._fault(f"outputs.{output.name}.inputs", f"{column!r} is no input", f"inputs are {known}")
+            place, weighs = f"outputs.{output.name}", "'parallel' weighs those"
+            for node in (each for each in output.states or () if each not in states):
+                self._fault(f"{place}.states", f"{node!r} is no node with a capacitance", "name a state")
+            for column in (each for each in output.inputs if each not in circuit.inputs):
+                self._fault(f"{place}.inputs", f"{column!r} is no input", f"inputs are {', '.join(circuit.inputs)}")
             if output.column in circuit.inputs:
-                self._fault(f"outputs.{output.name}", f"{output.column!r} is an input too", "predict what is not read")
+                self._fault(place, f"{output.column!r} is an input too", "predict what is not read")
             if output.states is None and not circuit.to_ambient(circuit.states):
-                self._fault(f"outputs.{output.name}.states", "no edge leads to the ambient", "'parallel' weighs those")
+                self._fault(f"{place}.states", "no edge leads to the ambient", weighs)
             if output.heat is not None and not circuit.to_ambient(circuit.measured):
-                place = f"outputs.{output.name}.inputs"
-                self._fault(place, "no edge leads from a measured node to the ambient", "'parallel' weighs those")
+                self._fault(f"{place}.inputs", "no edge leads from a measured node to the ambient", weighs)
         sensors = [each.sensor for each in circuit.nodes]
         for index, each in enumerate(circuit.nodes):
             if each.sensor is not None and each.sensor in sensors[:index]:

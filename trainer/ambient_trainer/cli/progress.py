@@ -11,16 +11,8 @@ from types import FrameType
 from typing import TYPE_CHECKING, TypeAlias
 
 import click
+from rich import progress
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-)
 
 import ambient_trainer as at
 
@@ -40,7 +32,8 @@ def fit_progress(name: str, effort: at.Effort, searches: int, samples: int) -> I
 
     The first Ctrl-C cancels the search of ``effort``; where that had nothing to return yet, the command is aborted.
     """
-    with _cancelled_by_interrupt(effort), _bar(0.0, MofNCompleteColumn(), TextColumn("searches")) as show_bar:
+    counted = progress.MofNCompleteColumn(), progress.TextColumn("searches")
+    with _cancelled_by_interrupt(effort), _bar(0.0, *counted) as show_bar:
         show_bar(name, 0, searches)
 
         def show(done: int, evaluation: int, square: float) -> None:
@@ -57,20 +50,15 @@ def staged_progress() -> contextlib.AbstractContextManager[Show]:
 
 def counted_progress() -> contextlib.AbstractContextManager[Show]:
     """A bar with the two numbers beside it."""
-    return _bar(_PATIENCE_S, MofNCompleteColumn())
+    return _bar(_PATIENCE_S, progress.MofNCompleteColumn())
 
 
 @contextlib.contextmanager
-def _bar(patience_s: float, *numbers: ProgressColumn) -> Iterator[Show]:
+def _bar(patience_s: float, *numbers: progress.ProgressColumn) -> Iterator[Show]:
     console = Console(stderr=True)
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        *numbers,
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    described = progress.TextColumn("{task.description}", markup=False)
+    columns = progress.SpinnerColumn(), described, progress.BarColumn(), *numbers, progress.TimeElapsedColumn()
+    with progress.Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=None, visible=False)
         shown = threading.Timer(patience_s, bar.update, (task,), {"visible": True})
         shown.start()

@@ -82,12 +82,9 @@ def segments(
             found.append(_laid_on_grid(trace.time_s[stretch], u[:, stretch], y[:, stretch], period))
         complete = complete[stop:]
     if not found:
-        raise refuse(
-            trace.path,
-            f"columns {', '.join(inputs)}",
-            f"no {_SHORTEST} samples in a row, one every {period:g} s, hold them all",
-            "leave out the column that is empty, or log again",
-        )
+        problem = f"no {_SHORTEST} samples in a row, one every {period:g} s, hold them all"
+        hint = "leave out the column that is empty, or log again"
+        raise refuse(trace.path, f"columns {', '.join(inputs)}", problem, hint)
     return found
 
 

@@ -19,6 +19,7 @@ from scipy import stats
 from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import refuse
+from ambient_trainer.circuits.addition import started
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data import Array, Segment, Trace, segments
 from ambient_trainer.estimation import CircuitStructure, search
@@ -137,15 +138,6 @@ class Subject:
     def structure(self, values: Mapping[str, float], held: Collection[str] = ()) -> CircuitStructure:
         """The circuit to be fitted to its own output, as :func:`started` has it."""
         return CircuitStructure(started(self.circuit, values, held), self.own)
-
-
-def started(circuit: Circuit, values: Mapping[str, float], held: Collection[str] = ()) -> Circuit:
-    """``circuit`` with these initial values, within its bounds, and the parameters ``held`` no longer free."""
-    parameters = []
-    for each in circuit.parameters:
-        initial = min(max(values.get(each.name, each.initial), each.low), each.high)
-        parameters.append(replace(each, initial=initial, free=each.free and each.name not in held))
-    return replace(circuit, parameters=tuple(parameters))
 
 
 def _refitted(structure: CircuitStructure) -> tuple[float, Values]:

@@ -8,6 +8,9 @@ from ambient_trainer.evaluation.identifiability import CLOSE_PERCENT, MOVED, SAM
 from ambient_trainer.evaluation.sensitivity import SILENT_DEGC
 from ambient_trainer.report import Finding, Report, Section, Table
 
+_AS_THEY_ARE = "circuit", "trace", "held", "at_bound", "rmse_degC", "identifiable"
+"""Of the tests, in their JSON."""
+
 
 def report_of(found: Identifiability) -> Report:
     """The report of the tests, the most certain finding first."""
@@ -117,20 +120,13 @@ def _parameter_table(found: Identifiability) -> Table:
 
 def as_json(found: Identifiability) -> dict[str, Any]:
     """The content of ``identifiability --json``; what is open or not finite is null."""
-    starts = [
-        {"fit_percent": each.fit_percent, "another": each.another(), "values": each.values}
-        for each in found.reestimates
-    ]
+    ends = [(each, each.another()) for each in found.reestimates]
+    starts = [{"fit_percent": each.fit_percent, "another": so, "values": each.values} for each, so in ends]
     return {
-        "circuit": found.circuit,
-        "trace": found.trace,
-        "held": found.held,
-        "at_bound": found.at_bound,
+        **{name: getattr(found, name) for name in _AS_THEY_ARE},
         "without_effect": found.sensitivity.silent,
         "values": {name: found.values[name] for name in found.sensitivity.effect_degC},
-        "rmse_degC": found.rmse_degC,
         "residual_memory_samples": found.memory_samples,
-        "identifiable": found.identifiable,
         **asdict(found.sensitivity),
         "thesis_test": {
             "same_percent": SAME_PERCENT,
@@ -152,7 +148,7 @@ def _note(found: Identifiability, name: str) -> str:
         ("no effect here", name in found.sensitivity.silent),
         ("flat", name in found.flat),
     )
-    return ", ".join(text for text, holds in notes if holds)
+    return ", ".join(text for text, so in notes if so)
 
 
 def _product(exponents: Mapping[str, float]) -> str:
@@ -164,9 +160,8 @@ def _product(exponents: Mapping[str, float]) -> str:
 def _powers(exponents: Mapping[str, float]) -> tuple[list[str], list[str]]:
     """The parameters with exponents above 0, and those with exponents below."""
     shown = {name: name if abs(power) == 1 else f"{name}^{abs(power):.3g}" for name, power in exponents.items()}
-    return [shown[name] for name in shown if exponents[name] > 0], [
-        shown[name] for name in shown if exponents[name] < 0
-    ]
+    up = [shown[name] for name in shown if exponents[name] > 0]
+    return up, [shown[name] for name in shown if exponents[name] < 0]
 
 
 def _times(share: float) -> str:

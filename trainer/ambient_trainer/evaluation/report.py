@@ -41,6 +41,10 @@ def report_of(model: Model, evaluations: Sequence[Evaluation]) -> Report:
     rmse = _pooled_rmse([each.metrics for each in evaluations])
     labels = trace_labels(evaluations)
     seen = [label for label, each in zip(labels, evaluations) if each.overlaps_training]
+    samples_shown = [
+        Section(label, [_note(each), Figure(partial(_figure, each))], detail=True)
+        for label, each in zip(labels, evaluations)
+    ]
     return Report(
         subject="Model evaluation",
         title=f"{model.name}: {rmse:.2f} degC off (RMSE) over {samples:,} samples of {many}",
@@ -49,13 +53,7 @@ def report_of(model: Model, evaluations: Sequence[Evaluation]) -> Report:
             *_findings(evaluations, samples),
             Facts(_facts(model)),
         ],
-        sections=[
-            Section("", [_metrics_table(evaluations, labels)]),
-            *(
-                Section(label, [_note(each), Figure(partial(_figure, each))], detail=True)
-                for label, each in zip(labels, evaluations)
-            ),
-        ],
+        sections=[Section("", [_metrics_table(evaluations, labels)]), *samples_shown],
         data={"model": model.name, "traces": [_trace_data(each) for each in evaluations]},
     )
 
@@ -147,11 +145,10 @@ def _figure(evaluation: Evaluation) -> Plot:
     published = plots.Band("published 90 %", evaluation.low_degC, evaluation.high_degC, palette.INTERVAL)
     rolling = f"{ROLLING_LEVEL_PERCENT} % of the error over {ROLLING_SAMPLES} samples"
     band = plots.Band(rolling, *rolling_band(evaluation.error_degC), palette.ESTIMATE)
+    errors = [plots.Line("error", evaluation.error_degC, palette.ERROR, width=1.0)]
     panels = [
         plots.Panel("ambient [°C]", estimates, [published], height_px=320),
-        plots.Panel(
-            "true − estimate [°C]", [plots.Line("error", evaluation.error_degC, palette.ERROR, width=1.0)], [band]
-        ),
+        plots.Panel("true − estimate [°C]", errors, [band]),
     ]
     colours = palette.sensor_colours(each.name for each in evaluation.inputs)
     for unit in dict.fromkeys(each.unit for each in evaluation.inputs):

@@ -151,8 +151,8 @@ class Population:
     @property
     def summary(self) -> dict[str, float]:
         """From how many units it was learnt, and what it says of errors."""
-        spread = {"noise_degC": self.noise_degC, "between_units_degC": self.between_degC}
-        return {"learnt_from": self.units, "memory_s": self.memory_s, **spread}
+        errors = {"noise_degC": self.noise_degC, "between_units_degC": self.between_degC}
+        return {"learnt_from": self.units, "memory_s": self.memory_s, **errors}
 
     @property
     def unseen_degC(self) -> float:

@@ -54,13 +54,8 @@ def write_report(folder: str, report: Report) -> str:
 
 
 def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("ambient_trainer.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    strict: dict[str, Any] = {"undefined": StrictUndefined, "trim_blocks": True, "lstrip_blocks": True}
+    environment = Environment(loader=PackageLoader("ambient_trainer.report"), autoescape=True, **strict)
     environment.filters["text"] = _text
     environment.globals.update(colours=on_dark(), script=SCRIPT, version=__version__)
     return environment

@@ -93,13 +93,8 @@ def stacked_figure(time_s: Array, panels: Sequence[Panel], shades: Sequence[Shad
     seconds, unit = time_axis(time_s)
     x = time_s / seconds
     inner = sum(panel.height_px for panel in panels) + _BETWEEN_PX * (len(panels) - 1)
-    figure = make_subplots(
-        rows=len(panels),
-        cols=1,
-        shared_xaxes=True,
-        vertical_spacing=_BETWEEN_PX / inner,
-        row_heights=[panel.height_px for panel in panels],
-    )
+    heights = {"vertical_spacing": _BETWEEN_PX / inner, "row_heights": [panel.height_px for panel in panels]}
+    figure = make_subplots(rows=len(panels), cols=1, shared_xaxes=True, **heights)
     for row, panel in enumerate(panels, start=1):
         _draw_panel(figure, row, panel, x)
     for shade in shades:
@@ -166,20 +161,16 @@ def matrix_figure(
     """Cells of text, blue where ``values`` (rows, columns) are above 0 and orange below; None is an empty cell."""
     largest = max((abs(value) for row in values for value in row if value is not None), default=1.0) or 1.0
     figure = panel_figure(x_title, "", height_px=110 + cell_px * len(rows))
+    written = {"text": texts, "texttemplate": "%{text}", "textfont": {"color": TEXT}}
+    coloured = {"z": values, "colorscale": DIVERGING, "zmin": -largest, "zmax": largest, "showscale": False}
     figure.add_heatmap(
         x=[_plain(each) for each in columns],
         y=[_plain(each) for each in rows],
-        z=values,
-        text=texts,
-        texttemplate="%{text}",
-        textfont={"color": TEXT},
         hovertemplate="%{y}, %{x}: %{text}<extra></extra>",
-        colorscale=DIVERGING,
-        zmin=-largest,
-        zmax=largest,
         xgap=2,
         ygap=2,
-        showscale=False,
+        **written,
+        **coloured,
     )
     figure.update_xaxes(type="category", showgrid=False)
     figure.update_yaxes(autorange="reversed", automargin=True, showgrid=False)
@@ -247,29 +238,14 @@ def _draw_panel(figure: Plot, row: int, panel: Panel, x: Array) -> None:
     place = {"row": row, "col": 1}
     for band in panel.bands:
         outline_x, outline_y = _outline(x, band)
-        figure.add_scatter(
-            x=outline_x,
-            y=outline_y,
-            name=_plain(band.name),
-            mode="lines",
-            line={"width": 0},
-            fill="toself",
-            fillcolor=band.colour,
-            opacity=0.35,
-            hoverinfo="skip",
-            **place,
-        )
+        look = {"mode": "lines", "line": {"width": 0}, "fill": "toself", "fillcolor": band.colour, "opacity": 0.35}
+        figure.add_scatter(x=outline_x, y=outline_y, name=_plain(band.name), hoverinfo="skip", **look, **place)
     for line in panel.lines:
         line_x, line_y = broken_at_gaps(x, line.values)
         kept = extremes(line_y, POINTS_PER_LINE)
-        figure.add_scatter(
-            x=line_x[kept].astype(np.float64),
-            y=line_y[kept].astype(np.float32),
-            name=wrapped(line.name),
-            mode="lines",
-            line={"color": line.colour, "width": line.width},
-            **place,
-        )
+        points = {"x": line_x[kept].astype(np.float64), "y": line_y[kept].astype(np.float32)}
+        look = {"mode": "lines", "line": {"color": line.colour, "width": line.width}}
+        figure.add_scatter(**points, name=wrapped(line.name), **look, **place)
     figure.update_yaxes(title_text=_plain(panel.title).replace("\n", "<br>"), **place)
 
 
@@ -287,15 +263,8 @@ def _draw_shade(figure: Plot, shade: Shade, seconds: float) -> None:
     box = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "line": {"width": 0}, "layer": "below"}
     for start_s, stop_s in shade.spans:
         figure.add_shape(**box, x0=start_s / seconds, x1=stop_s / seconds, fillcolor=shade.colour, opacity=0.18)
-    figure.add_scatter(
-        x=[None],
-        y=[None],
-        name=wrapped(shade.name),
-        mode="markers",
-        marker={"symbol": "square", "size": 12, "color": shade.colour, "opacity": 0.4},
-        row=1,
-        col=1,
-    )
+    marker = {"symbol": "square", "size": 12, "color": shade.colour, "opacity": 0.4}
+    figure.add_scatter(x=[None], y=[None], name=wrapped(shade.name), mode="markers", marker=marker, row=1, col=1)
 
 
 def _style(figure: Plot, height_px: int) -> None:

@@ -1,6 +1,7 @@
 """A report on a terminal: its title, findings and tables; figures, facts and notes are for the page."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import rich.table
 from rich import box
@@ -23,14 +24,9 @@ def print_report(console: Console, report: Report) -> None:
 
 def for_terminal(table: Table) -> rich.table.Table:
     """``table`` as rich prints it; what stands in a cell is never taken as markup."""
-    shown = rich.table.Table(
-        caption=Text(table.caption) if table.caption else None,
-        caption_justify="left",
-        header_style="bold",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        collapse_padding=True,
-    )
+    look: dict[str, Any] = {"box": box.SIMPLE_HEAD, "pad_edge": False, "collapse_padding": True}
+    caption = Text(table.caption) if table.caption else None
+    shown = rich.table.Table(caption=caption, caption_justify="left", header_style="bold", **look)
     for index, column in enumerate(table.columns):
         if index < table.labels:
             # a narrow terminal folds a name; figures stay on one line

@@ -13,16 +13,7 @@ from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.report import Facts, Figure, Finding, Plot, Report, Section, Table
 from ambient_trainer.report.palette import BASELINE, BLUE, GREY, INK, ORANGE, SAND, SENSOR_COLOURS, SKY
 from ambient_trainer.report.plots import add_curve, matrix_figure, panel_figure
-from ambient_trainer.selection.search import (
-    NEAR_DEGC,
-    ScoredSystem,
-    SearchData,
-    SearchResult,
-    SelectedCircuit,
-    SelectedSet,
-    counted,
-    flat_from,
-)
+from ambient_trainer.selection.search import NEAR_DEGC, SearchResult, SelectedCircuit, SelectedSet, counted, flat_from
 
 _NAMED_ALTERNATIVES = 3
 _CIRCUITS = (
@@ -81,7 +72,7 @@ def report_of(result: SearchResult) -> Report:
 
 def sizes_table(result: SearchResult) -> Table:
     """One row a number of sensors."""
-    free, blocks = f"free-{result.data.options.order}", _blocks_data(result.data)
+    free, blocks = f"free-{result.data.options.order}", _blocks_data(result)
     columns = ("sensors", "which", "held out", "one standard error", "noise", free, "circuit", "its states")
     rows = []
     for each in result.sets:
@@ -149,7 +140,7 @@ def as_json(result: SearchResult) -> dict[str, Any]:
         "period_s": data.period_s,
         "circuit_period_s": data.circuit_period_s,
         "poles_s": list(result.poles_s),
-        "blocks": _blocks_data(data),
+        "blocks": _blocks_data(result),
         "sensors": [asdict(each) for each in data.sensors],
         "left_out": [{"column": column, "why": why} for column, why in data.left_out.items()],
         "sets_tried": result.sets_tried,
@@ -171,7 +162,8 @@ def as_json(result: SearchResult) -> dict[str, Any]:
     }
 
 
-def _blocks_data(data: SearchData) -> dict[str, float]:
+def _blocks_data(result: SearchResult) -> dict[str, float]:
+    data = result.data
     length = float(np.median([each.stop - each.start for each in data.blocks]))
     gap = max(each.start - each.first for each in data.blocks)
     return {"count": len(data.blocks), "length_s": length * data.period_s, "gap_s": gap * data.period_s}
@@ -244,7 +236,7 @@ def _size_data(each: SelectedSet, circuit: SelectedCircuit | None) -> dict[str, 
     }
 
 
-def _held_out_data(scored: ScoredSystem) -> dict[str, Any]:
+def _held_out_data(scored: SelectedSet | SelectedCircuit) -> dict[str, Any]:
     return {
         "held_out_rmse_degC": scored.rmse_degC,
         "one_standard_error_degC": list(scored.interval_degC),
@@ -326,16 +318,11 @@ def circuit_figure(selected: SelectedCircuit) -> Plot:
              "ambient": [each for each in inner if each == AMBIENT]}  # fmt: skip
     for (kind, names), colour in zip(kinds.items(), (SKY, BLUE, ORANGE, SAND)):
         if names:
-            figure.add_scatter(
-                x=[places[name][0] for name in names],
-                y=[places[name][1] for name in names],
-                mode="markers+text",
-                name=kind,
-                text=names,
-                textposition=["bottom center" if places[name][1] < 0 else "top center" for name in names],
-                marker={"size": 16, "color": colour, "line": {"width": 1.5, "color": "white"}},
-                hoverinfo="skip",
-            )
+            x, y = zip(*(places[name] for name in names))
+            marker = {"size": 16, "color": colour, "line": {"width": 1.5, "color": "white"}}
+            sides = ["bottom center" if each < 0 else "top center" for each in y]
+            look = {"mode": "markers+text", "textposition": sides, "marker": marker, "hoverinfo": "skip"}
+            figure.add_scatter(x=x, y=y, name=kind, text=names, **look)
     figure.update_xaxes(visible=False, range=[-1.5, 1.5])
     figure.update_yaxes(visible=False, range=[-1.35, 1.35])
     figure.update_layout(margin={"l": 4, "r": 4, "t": 30, "b": 4})

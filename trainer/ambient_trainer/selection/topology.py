@@ -18,6 +18,7 @@ import numpy as np
 
 from ambient_model.faults import Refused
 from ambient_trainer.circuits import AMBIENT, Circuit, Edge, Form, circuit_of_data
+from ambient_trainer.circuits.addition import started
 
 _CAPACITANCE_J_K = 10.0
 """Where the data leave the scale open; any value gives the same estimate."""
@@ -188,17 +189,9 @@ def pruned(circuit: Circuit, topology: Topology, values: Mapping[str, float]) ->
     less = replace(topology, edges=tuple(each for each in topology.edges if each in kept))
     # a state that is alone now has a scale of its own
     firsts = {group[0] for group in less.groups} if less.form == "temperature" else set()
-    held = {node.capacitance for node in circuit.states if node.name in firsts}
-    parameters = tuple(
-        replace(
-            each,
-            initial=float(np.clip(values[each.name], each.low, each.high)),
-            free=each.free and each.name not in held,
-        )
-        for each in circuit.parameters
-        if each.name not in idle
-    )
-    return replace(circuit, edges=edges, parameters=parameters), less
+    held = {str(node.capacitance) for node in circuit.states if node.name in firsts}
+    parameters = tuple(each for each in circuit.parameters if each.name not in idle)
+    return started(replace(circuit, edges=edges, parameters=parameters), values, held), less
 
 
 def _idle(edge: Edge, circuit: Circuit, values: Mapping[str, float]) -> bool:

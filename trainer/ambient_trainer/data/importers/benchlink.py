@@ -51,16 +51,10 @@ def _find_header(path: str, encoding: str | None) -> _Header:
         if match := _HEADER.match(line):
             names = next(csv.reader([line], delimiter=match["delimiter"]))
             found = [each for name in names if (each := _CHANNEL.fullmatch(name.strip()))]
-            channels, units = (
-                {each[key]: each[value] for each in found} for key, value in (("number", 0), (0, "unit"))
-            )
+            channels, units = {each["number"]: each[0] for each in found}, {each[0]: each["unit"] for each in found}
             return _Header(index, match["delimiter"], channels, units)
-    raise refuse(
-        path,
-        "",
-        "no line starts with 'Sweep #,'",
-        "is it the logging software's export? Take --format csv and a map for other files",
-    )
+    hint = "is it the logging software's export? Take --format csv and a map for other files"
+    raise refuse(path, "", "no line starts with 'Sweep #,'", hint)
 
 
 def _with_channels(column_map: ColumnMap, header: _Header, source: str) -> ColumnMap:
@@ -81,12 +75,11 @@ def _with_channels(column_map: ColumnMap, header: _Header, source: str) -> Colum
 
 
 def _unit_fault(name: str, column: ColumnSource, units: set[str]) -> Fault | None:
+    place, unit = f"columns.{name}", " and ".join(sorted(units))
     if column.unit is not None or not units:
         return None
-    place = f"columns.{name}"
     if len(units) > 1:
-        return Fault(place, f"combines channels in {' and '.join(sorted(units))}", "combine channels of one unit")
-    (unit,) = units
+        return Fault(place, f"combines channels in {unit}", "combine channels of one unit")
     if unit in _UNITS and target_unit(name) != "degC":
         return Fault(place, f"the channel is in {unit}", "end the column's name in _degC")
     if unit not in _UNITS and "scale" not in column.model_fields_set:
