@@ -4,6 +4,7 @@ A column that is logged more often than the stamps stand is averaged around each
 as straight lines; a switch (``_on``) keeps its last value. Where a logger has a gap there is nothing.
 """
 
+import itertools
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -104,10 +105,8 @@ def joined(traces: Sequence[Trace]) -> Trace:
 
 def _free(name: str, taken: dict[str, Array]) -> str:
     base, unit = split_column(name)
-    number, free = 2, name
-    while free in taken:
-        free, number = f"{base}_{number}_{unit}", number + 1
-    return free
+    others = (f"{base}_{number}_{unit}" for number in itertools.count(2))
+    return next(each for each in itertools.chain([name], others) if each not in taken)
 
 
 def _brought(time_s: Array, values: Array, stamps_s: Array, switch: bool) -> Array:

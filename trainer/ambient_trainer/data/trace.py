@@ -6,6 +6,7 @@ import hashlib
 import itertools
 import os
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -138,8 +139,4 @@ def save_trace(path: str, trace: Trace) -> None:
 
 def sha256_of(path: str) -> str:
     """The SHA-256 of a trace's file, in lower-case hexadecimal: a model says so what it was trained on."""
-    digest = hashlib.sha256()
-    with open(path, "rb") as stream:
-        while block := stream.read(2**20):
-            digest.update(block)
-    return digest.hexdigest()
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()

@@ -47,8 +47,9 @@ def correction(model: Model, trace: Trace, from_s: float | None = None, to_s: fl
     errors: dict[str, Array] = {}
     for name, each in estimators.items():
         # what each sensor is expected to read is of all sensors, and starts are the main one's
-        nothing_else = {"secondary": None, "error_variance": None, "readings": None, "provenance": {}}
-        alone = model._replace(main=each, fallbacks={}, **nothing_else)
+        alone = model._replace(
+            main=each, fallbacks={}, secondary=None, error_variance=None, readings=None, provenance={}
+        )
         error = evaluate_trace(alone, trace, from_s).error_degC
         errors[name] = error[np.isfinite(error)]
     own = errors[MAIN]

@@ -90,7 +90,9 @@ def _start_table(found: Identifiability) -> Table:
     rows = []
     for index, each in enumerate(found.reestimates):
         farthest = max(each.moved, key=lambda name: each.moved[name], default="")
-        off = f"{farthest}, {_times(each.moved[farthest])}" if farthest else "-"
+        share = each.moved.get(farthest, 0.0)
+        times = f"{share + 1:.3g}-fold" if share >= 1 else f"{100 * share:.2g} %"
+        off = f"{farthest}, {times}" if farthest else "-"
         rows.append((f"{index + 1}", "yes" if each.another() else "no", f"{each.fit_percent:.2f} %", off))
     caption = f"{found.circuit} fitted to its own output over {found.trace}; what moved farthest from the truth."
     return Table(caption, ("start", "another set", "fit", "farthest off"), tuple(rows), labels=2)
@@ -162,7 +164,3 @@ def _powers(exponents: Mapping[str, float]) -> tuple[list[str], list[str]]:
     shown = {name: name if abs(power) == 1 else f"{name}^{abs(power):.3g}" for name, power in exponents.items()}
     up = [shown[name] for name in shown if exponents[name] > 0]
     return up, [shown[name] for name in shown if exponents[name] < 0]
-
-
-def _times(share: float) -> str:
-    return f"{share + 1:.3g}-fold" if share >= 1 else f"{100 * share:.2g} %"

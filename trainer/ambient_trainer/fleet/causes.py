@@ -25,7 +25,7 @@ from ambient_trainer.diagnosis.diagnose import FEWEST_SAMPLES
 from ambient_trainer.diagnosis.findings import cause_of
 from ambient_trainer.diagnosis.greybox.file import greybox_of
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Gain
-from ambient_trainer.diagnosis.greybox.model import FREE_SD, GreyBox, Mechanism, Number
+from ambient_trainer.diagnosis.greybox.model import FREE_SD, Mechanism, Number
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import Screened, changed_candidates, ends_within, screen
@@ -85,7 +85,11 @@ def learn(circuit: Circuit, traces: Sequence[Trace]) -> Typical:
         period_s = _COARSER * diagnosis_period_s(usable)
         records = [max(records_of(plain, trace, period_s), key=lambda each: each.samples) for trace in usable]
         begun = bare_fit(greybox_of(plain), records[:_BEGUN_WITH]).model
-        model = _with_sensors(begun)
+        # an offset and a gain of each sensor, which units differ by
+        model = begun
+        for each in (output.name for output in plain.outputs):
+            model = model.with_mechanism(Bias((each,), (Number(f"bias_{each}", "degC", 0.0),)))
+            model = model.with_mechanism(Gain((each,), (Number(f"gain_{each}", "1", 0.0, scale=0.01),)))
         before = np.full(len(model.numbers), _SENSOR_SD**2)
         before[: len(begun.numbers)] = _PART_SD**2
         units, mean, between = [model] * len(records), model.z(), np.diag(before)
@@ -111,14 +115,6 @@ def _checked(plain: Circuit, trace: Trace) -> Trace:
         hint = f"at least {FEWEST_SAMPLES} are needed: log longer"
         raise refuse(trace.path, "", f"{samples} samples are too few for a diagnosis", hint)
     return require_values(trace, [*plain.inputs, *(output.column for output in plain.outputs)])
-
-
-def _with_sensors(model: GreyBox) -> GreyBox:
-    """The model with an offset and a gain of each sensor, which units differ by."""
-    for each in (output.name for output in model.circuit.outputs):
-        model = model.with_mechanism(Bias((each,), (Number(f"bias_{each}", "degC", 0.0),)))
-        model = model.with_mechanism(Gain((each,), (Number(f"gain_{each}", "1", 0.0, scale=0.01),)))
-    return model
 
 
 def _scatter(fits: Sequence[Fitted], before: Array) -> tuple[Array, Array]:

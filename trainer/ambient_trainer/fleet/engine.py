@@ -65,18 +65,12 @@ def unpacked(items: Sequence[Any] | bytes) -> Sequence[Any]:
     return found
 
 
-class Engine:
+class Engine(contextlib.ExitStack):
     """Runs tasks in this process, one after the other; a context, whose end stops what it started."""
 
     workers = 1
     address: str | None = None
     """Of Dask's dashboard."""
-
-    def __enter__(self) -> Engine:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        return None
 
     def run(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, bytes]]:
         """The number and the packed results of each task as it is done."""
@@ -88,9 +82,8 @@ class Dask(Engine):
     """A Dask cluster: a local one of ``workers`` processes, or that of the scheduler at an address."""
 
     def __init__(self, engine: str, workers: int) -> None:
-        self._engine = engine
-        self._wanted = workers
-        self._stack = contextlib.ExitStack()
+        super().__init__()
+        self._engine, self._wanted = engine, workers
         self._cluster: Any = None
         self._client: Any = None
 
@@ -111,12 +104,9 @@ class Dask(Engine):
                 stack.callback(_close, self._cluster, 5)
             stack.callback(lambda: _close(self._client, 5))
             self._connect()
-            self._stack = stack.pop_all()
+            self.enter_context(stack.pop_all())
         self.address = self._client.dashboard_link
         return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
 
     def _connect(self) -> None:
         import distributed

@@ -68,11 +68,6 @@ class Shade:
     spans: Sequence[tuple[float, float]]
 
 
-def time_axis(time_s: Array) -> tuple[float, str]:
-    """The seconds in the unit that fits the axis, and that unit: h or min."""
-    return (3600.0, "h") if time_s[-1] - time_s[0] > _HOURS_ABOVE_S else (60.0, "min")
-
-
 def spans_where(time_s: Array, flags: NDArray[np.bool_]) -> list[tuple[float, float]]:
     """The stretches (from, to in s) where ``flags`` (n,) holds, each to the sample after it.
 
@@ -90,7 +85,7 @@ def stacked_figure(time_s: Array, panels: Sequence[Panel], shades: Sequence[Shad
     """``panels`` over ``time_s`` (n,), with one legend above: what has the same name in several is named once."""
     from plotly.subplots import make_subplots  # type: ignore[import-untyped]
 
-    seconds, unit = time_axis(time_s)
+    seconds, unit = (3600.0, "h") if time_s[-1] - time_s[0] > _HOURS_ABOVE_S else (60.0, "min")
     x = time_s / seconds
     inner = sum(panel.height_px for panel in panels) + _BETWEEN_PX * (len(panels) - 1)
     heights = {"vertical_spacing": _BETWEEN_PX / inner, "row_heights": [panel.height_px for panel in panels]}

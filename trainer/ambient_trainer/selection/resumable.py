@@ -5,6 +5,7 @@ The file is an SQLite database. It belongs to the data and options of one search
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import sqlite3
@@ -22,7 +23,7 @@ Task = Callable[[Sequence[Any]], Sequence[Any]]
 _ANEW = "remove it to start anew, or name another --state"
 
 
-class ResumablePool:
+class ResumablePool(contextlib.ExitStack):
     """Worker processes and the results that are known; a context, whose end stops the processes and closes the file.
 
     Results depend on ``identity`` and are kept in the state file ``path``, if any. ``progress`` gets what is computed,
@@ -36,16 +37,14 @@ class ResumablePool:
         identity: Mapping[str, Any] | None = None,
         progress: Callable[[str, int, int], None] = lambda *_: None,
     ) -> None:
+        super().__init__()
         self._progress, self._parallel = progress, workers(jobs)
         self._database, self.known = _opened(path, {**_HEADER, **(identity or {})})
+        self.callback(self._database.close)
 
     def __enter__(self) -> ResumablePool:
-        self._parallel.__enter__()
+        self.enter_context(self._parallel)
         return self
-
-    def __exit__(self, *raised: Any) -> None:
-        self._parallel.__exit__(*raised)
-        self._database.close()
 
     def results(
         self, what: str, task: Task, keys: Sequence[Hashable], at_once: int = 1, name: str = ""

@@ -46,18 +46,14 @@ def command(folder: str) -> None:
     exported = next(each for each in contenders if each.fit.circuit == _EXPORTED)
     save_model(model_path, exported.model)
     click.echo(f"3. {_EXPORTED} is exported: {model_path}")
-    _replay(model_path, verification, replayed)
+    # as the program it is on a device: another process, which has never heard of numpy
+    call = [sys.executable, "-m", "ambientd", "replay", model_path, verification, "-o", replayed]
+    done = subprocess.run(call, capture_output=True, text=True)
+    if done.returncode:
+        problem = done.stderr.strip() or f"status {done.returncode}"
+        raise refuse("ambientd replay", "", problem, "report this as a fault")
     error_degC = contest.held_out.reference - pd.read_csv(replayed)["ambient_degC"]
     rmse = float((error_degC**2).mean()) ** 0.5
     click.echo(f"4. ambientd replays the second run, as on a device: {replayed}, {rmse:.2f} degC off (RMSE, simulated)")
     page = at.EvaluationResult(exported.model, (exported.running,)).report(str(place / "report"))
     click.echo(f"5. Report: {page}")
-
-
-def _replay(model: str, trace: str, output: str) -> None:
-    """Run the daemon as the program it is on a device: another process, which has never heard of numpy."""
-    call = [sys.executable, "-m", "ambientd", "replay", model, trace, "-o", output]
-    done = subprocess.run(call, capture_output=True, text=True)
-    if done.returncode:
-        problem = done.stderr.strip() or f"status {done.returncode}"
-        raise refuse("ambientd replay", "", problem, "report this as a fault")

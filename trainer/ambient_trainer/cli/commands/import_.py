@@ -12,8 +12,6 @@ from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.report import Finding, Report, Table
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from ambient_trainer.data.importers._table import Imported
 
 IMPORTERS = "ambient_trainer.data.importers"
@@ -71,6 +69,11 @@ def _report(imported: Imported) -> Report:
     import pandas as pd
 
     trace = imported.trace
+    extent = f"{len(trace.time_s)} rows"
+    if len(trace.time_s) > 1:
+        steps_s = pd.Series(trace.time_s).diff()
+        extent += f", {_duration(trace.time_s[-1])}, median period {steps_s.median():.4g} s"
+        extent += f", longest step {_duration(steps_s.max())}"
     columns = pd.DataFrame(trace.columns)
     figures = columns.agg(["min", "mean", "max"]).T
     rows = [
@@ -82,18 +85,7 @@ def _report(imported: Imported) -> Report:
     if "assumed" in trace.notes:
         notes.append(f"assumed {trace.notes['assumed']}")
     table = Table("", ("column", "min", "mean", "max", "missing"), rows)
-    return Report(_extent(trace.time_s), [table, *map(Finding, notes)], [], {})
-
-
-def _extent(time_s: np.ndarray) -> str:
-    rows = f"{len(time_s)} rows"
-    if len(time_s) < 2:
-        return rows
-    import numpy as np
-
-    steps_s = np.diff(time_s)
-    period, longest = f"{np.median(steps_s):.4g} s", _duration(steps_s.max())
-    return f"{rows}, {_duration(time_s[-1])}, median period {period}, longest step {longest}"
+    return Report(extent, [table, *map(Finding, notes)], [], {})
 
 
 def _duration(seconds: float) -> str:
