@@ -55,26 +55,19 @@ class ConsoleMonitor:
 
     def _picture(self, run: Run) -> Group:
         now_s = run.clock.now_s()
-        parts: list[RenderableType] = [
-            Text(f"{self._title}: {_step_text(run)}", style="bold"),
-            Text(f"{clock_text(now_s)} since the beginning, {_left_text(run)}"),
-            _readings(run, now_s),
-        ]
+        readings = Table("", "", "s ago", box=None, pad_edge=False)
+        for column in readings.columns[1:]:
+            column.justify = "right"
+        readings.add_row("ambient_degC", "-" if run.ambient_degC is None else f"{run.ambient_degC:.3f}", "")
+        for sample in run.latest.values():
+            for name, value in sample.values.items():
+                readings.add_row(Text(name), "-" if value is None else f"{value:g}", f"{now_s - sample.at_s:.0f}")
+        left = f"{clock_text(now_s)} since the beginning, {_left_text(run)}"
+        parts: list[RenderableType] = [Text(f"{self._title}: {_step_text(run)}", style="bold"), Text(left), readings]
         parts += [Text(f"! {each.text}", style="red") for each in run.failures.values()]
         if run.alarm is not None:
             parts.append(Text(f"! the chamber is stopped: {run.alarm}", style="bold red"))
         return Group(*parts)
-
-
-def _readings(run: Run, now_s: float) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for name in ("", "", "s ago"):
-        table.add_column(name, justify="left" if table.columns == [] else "right")
-    table.add_row("ambient_degC", "-" if run.ambient_degC is None else f"{run.ambient_degC:.3f}", "")
-    for sample in run.latest.values():
-        for name, value in sample.values.items():
-            table.add_row(Text(name), "-" if value is None else f"{value:g}", f"{now_s - sample.at_s:.0f}")
-    return table
 
 
 def _left_text(run: Run) -> str:

@@ -76,15 +76,11 @@ def _stressed(condition: str, model: Model, trace: Trace, change: Change, seed: 
     inside = (found.low_degC <= trace.reference) & (trace.reference <= found.high_degC)
     tracking = found.status[counted] == TRACKING
     off = (found.status[known] == TRACKING) & (error[known] > _OFF_DEGC)
-    scored = bool(known.any())
-    return Stressed(
-        condition,
-        rmse_degC=float(np.sqrt(np.mean(error[known] ** 2))) if scored else None,
-        largest_degC=float(error[known].max()) if scored else None,
-        coverage90=float(np.mean(inside[known])) if scored else None,
-        tracking=float(np.mean(tracking)),
-        tracking_off=int(off.sum()) / max(1, int(tracking.sum())),
-    )
+    shares = float(np.mean(tracking)), int(off.sum()) / max(1, int(tracking.sum()))
+    if not known.any():
+        return Stressed(condition, None, None, None, *shares)
+    rmse_degC = float(np.sqrt(np.mean(error[known] ** 2)))
+    return Stressed(condition, rmse_degC, float(error[known].max()), float(np.mean(inside[known])), *shares)
 
 
 def _conditions(model: Model, period_s: float) -> Iterator[tuple[str, Change]]:

@@ -91,7 +91,10 @@ class Space:
             raise refuse(trace.path, "", "the filter's responses are not finite", "look for error codes in the sensors")
         cut = np.array_split(np.arange(len(r)), BLOCKS)
         blocks = Normal.stacked(Normal.of_samples(Z[:, index], r[index], weight_s[index]) for index in cut)
-        return blocks, _memory_s(blocks.total(), Z, r, float(weight_s[0]))
+        # of the noise: what a unit's own weakly regularised least squares leave
+        whole, scale = blocks.total(), _NOISE_DEGC2 * _MEMORY_S
+        own = np.linalg.solve(whole.H / scale + np.eye(len(Z)) / _WEAK_DEGC**2, whole.g / scale)
+        return blocks, residual_memory(r - own @ Z) * float(weight_s[0])
 
     def system(self, c: Array) -> StateSpace:
         """The filter at coordinates c: the transpose of its modes, driven by each input through that one's gains."""
@@ -127,13 +130,6 @@ def grids(trace: Trace, inputs: Sequence[str]) -> list[Segment]:
     if sum(int(np.count_nonzero(~np.isnan(each.outputs))) for each in found) < 2 * BLOCKS:
         raise refuse(trace.path, "", "fewer than ten samples have all sensors and a reference", "log longer")
     return found
-
-
-def _memory_s(whole: Normal, Z: Array, r: Array, period_s: float) -> float:
-    """Autocorrelation time of what a unit's own weakly regularised least squares leave."""
-    scale = _NOISE_DEGC2 * _MEMORY_S
-    left = r - np.linalg.solve(whole.H / scale + np.eye(len(Z)) / _WEAK_DEGC**2, whole.g / scale) @ Z
-    return residual_memory(left) * period_s
 
 
 def members(fit: Fit) -> dict[str, Fit]:

@@ -17,7 +17,6 @@ from ambient_trainer.report.files import PAGE, SCRIPT, made_folder
 from ambient_trainer.report.palette import on_dark
 from ambient_trainer.report.plots import POINTS_PER_LINE, to_markup
 from ambient_trainer.report.structure import Block, Facts, Figure, Finding, Report, Section, Table
-from ambient_trainer.report.units import with_degrees
 
 _CONTENTS_FROM = 6
 """Sections of a page that links to each of them from its top; fewer are seen by scrolling."""
@@ -86,8 +85,9 @@ def _kind(block: Block) -> str:
 
 
 def _text(text: str) -> Markup:
+    # °C for degC, but in a column's name such as ``usb_degC``
     parts = re.split("`([^`]*)`", text)
     return Markup("").join(
-        Markup("<code>{}</code>").format(part) if index % 2 else escape(with_degrees(part))
+        Markup("<code>{}</code>").format(part) if index % 2 else escape(re.sub(r"(?<!\w)degC\b", "°C", part))
         for index, part in enumerate(parts)
     )

@@ -43,20 +43,15 @@ def _print_blocks(console: Console, blocks: Sequence[Block | None]) -> None:
         if isinstance(each, Table):
             console.print(for_terminal(each))
         elif isinstance(each, Finding):
-            _print_finding(console, each)
+            text = " ".join(filter(None, [each.label and f"{each.label}:", each.value, each.text]))
+            if each.status == "warning":
+                console.print(Panel(Text(text, style="bold"), border_style="red", expand=False))
+            else:
+                console.print(Text(text, style=_STYLES[each.status]), soft_wrap=True)
         elif isinstance(each, Section) and _has_text(each):
             if each.title:
                 console.print(Text(f"\n{each.title}", style="bold"), soft_wrap=True)
             _print_blocks(console, each.blocks)
-
-
-def _print_finding(console: Console, finding: Finding) -> None:
-    text = " ".join(filter(None, [finding.value, finding.text]))
-    text = f"{finding.label}: {text}" if finding.label else text
-    if finding.status == "warning":
-        console.print(Panel(Text(text, style="bold"), border_style="red", expand=False))
-    else:
-        console.print(Text(text, style=_STYLES[finding.status]), soft_wrap=True)
 
 
 def _has_text(block: Block | None) -> bool:

@@ -108,12 +108,9 @@ def best_topology(sensors: Sequence[str], most_states: int, score: Score) -> Top
             if least >= (1 - _GAIN) * error:
                 break
             error, around = least, neighbours(around[best], most_states)
-    limit = (1 + _GAIN) * min(tried.values())
-    return _with_fewer_edges(min(tried, key=lambda each: (tried[each], len(each.edges))), score, limit)
-
-
-def _with_fewer_edges(topology: Topology, score: Score, limit_degC: float) -> Topology:
-    """The topology less as many edges as the limit allows, those first that cost least by themselves."""
+    limit_degC = (1 + _GAIN) * min(tried.values())
+    topology = min(tried, key=lambda each: (tried[each], len(each.edges)))
+    # less as many edges as the limit allows, those first that cost least by themselves
     alone = [(edge, less) for edge in topology.edges for less in [without(topology, [edge])] if less.complete]
     order = [edge for _, (edge, _) in sorted(zip(score([less for _, less in alone]), alone))]
     counts = sorted({round(each) for each in np.linspace(1, len(order), min(len(order), _PRUNINGS))})

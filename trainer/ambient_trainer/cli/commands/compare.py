@@ -14,7 +14,7 @@ from ambient_trainer import cli
 from ambient_trainer.cli.commands.fit import STOPPED
 
 if TYPE_CHECKING:
-    from ambient_trainer.evaluation.compare import Contender, Contest
+    from ambient_trainer.evaluation.compare import Contender
 
 
 @click.command("compare")
@@ -40,14 +40,22 @@ def command(
 
     Ctrl-C shows those that are done.
     """
-    from ambient_trainer.api.data import sensor_columns
-    from ambient_trainer.evaluation.compare import contend, report_of  # scipy: --help should not wait for it
+    from ambient_trainer.api.data import sensor_columns  # scipy: --help should not wait for it
+    from ambient_trainer.data import load_trace
+    from ambient_trainer.evaluation.compare import Contest, contend, report_of, split_contest
 
     if models is not None and not Path(models).is_dir():
         raise refuse(models, "", "is no folder", "make it first")
     written = [str(Path(models) / f"{Path(name).stem}.json") for name in circuit] if models is not None else []
     output.check([*trace_paths, *circuit, *([held_out] if held_out else [])], written)
-    contest = _contest(trace_paths, split_s, held_out)
+    if (split_s is None) == (held_out is None):
+        raise click.UsageError("give either --split S or --held-out TRACE: a score needs data that no fit saw")
+    if held_out in trace_paths:
+        raise click.UsageError(f"{held_out} is a training trace too: hold out another one, or use --split")
+    if split_s is not None and len(trace_paths) > 1:
+        raise click.UsageError("--split cuts one trace; with several, name another one with --held-out")
+    traces = [load_trace(path) for path in trace_paths]
+    contest = split_contest(traces[0], split_s) if split_s is not None else Contest(traces, load_trace(str(held_out)))
     contenders: list[Contender] = []
     for name in circuit:
         with cli.fit_progress(name, effort, effort.starts, contest.samples) as progress:
@@ -58,19 +66,3 @@ def command(
             break
     output.show(report_of(contenders))
     return STOPPED if contenders[-1].fit.stopped else 0
-
-
-def _contest(trace_paths: tuple[str, ...], split_s: float | None, held_out: str | None) -> Contest:
-    from ambient_trainer.data.trace import load_trace
-    from ambient_trainer.evaluation.compare import Contest, split_contest
-
-    if (split_s is None) == (held_out is None):
-        raise click.UsageError("give either --split S or --held-out TRACE: a score needs data that no fit saw")
-    if held_out is not None:
-        if held_out in trace_paths:
-            raise click.UsageError(f"{held_out} is a training trace too: hold out another one, or use --split")
-        return Contest([load_trace(path) for path in trace_paths], load_trace(held_out))
-    if len(trace_paths) > 1:
-        raise click.UsageError("--split cuts one trace; with several, name another one with --held-out")
-    assert split_s is not None
-    return split_contest(load_trace(trace_paths[0]), split_s)
