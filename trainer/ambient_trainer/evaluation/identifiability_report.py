@@ -1,6 +1,6 @@
 """The report of the tests of identifiability."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -16,14 +16,12 @@ def report_of(found: Identifiability) -> Report:
     """The report of the tests, the most certain finding first."""
     verdict = "identifiable" if found.identifiable else "not identifiable"
     lines = [*_structure(found), _thesis_test(found), *_at_this_fit(found)]
+    tables = Section("", [_start_table(found), _parameter_table(found)])
     return Report(
         subject="Identifiability",
         title=f"{found.circuit} is {verdict} from {found.trace}, {found.rmse_degC:.2f} degC off (RMSE)",
         lead=[],
-        sections=[
-            Section("", [_start_table(found), _parameter_table(found)]),
-            Section("Findings", [Finding(line) for line in lines]),
-        ],
+        sections=[tables, Section("Findings", list(map(Finding, lines)))],
         data=as_json(found),
     )
 
@@ -45,45 +43,37 @@ def _thesis_test(found: Identifiability) -> str:
     )
 
 
-def _at_this_fit(found: Identifiability) -> list[str]:
-    known, lines = found.sensitivity, []
+def _at_this_fit(found: Identifiability) -> Iterator[str]:
+    known = found.sensitivity
     if known.blind_directions_here:
-        lines.append(
-            f"Where this fit lies the output stays the same along {known.blind_directions_here} more, which mix "
-            f"{', '.join(known.mixed_here)}."
-        )
+        mixed = f"{known.blind_directions_here} more, which mix {', '.join(known.mixed_here)}"
+        yield f"Where this fit lies the output stays the same along {mixed}."
     if known.silent:
-        lines.append(
-            f"Without effect where this fit lies (less than {SILENT_DEGC:g} degC per e-fold), and not counted there: "
-            f"{', '.join(known.silent)}."
-        )
+        little = f"(less than {SILENT_DEGC:g} degC per e-fold), and not counted there: {', '.join(known.silent)}"
+        yield f"Without effect where this fit lies {little}."
     if found.flat:
-        lines.append(
-            f"Flat profiles: with errors of {found.rmse_degC:.2f} degC and an autocorrelation time of "
-            f"{found.memory_samples:.0f} samples, this trace leaves a side open for {', '.join(found.flat)}."
-        )
+        errors = f"{found.rmse_degC:.2f} degC and an autocorrelation time of {found.memory_samples:.0f} samples"
+        yield f"Flat profiles: with errors of {errors}, this trace leaves a side open for {', '.join(found.flat)}."
     if found.recovered:
         far = [each.name for each in found.recovered if abs(each.standard_errors_off) > 2]
-        lines.append(
-            f"Recovery: from its own noisy output the mean of {len(found.recovered) - len(far)} of "
-            f"{len(found.recovered)} identifiable parameters comes back within two standard errors"
-            + (f"; not so {', '.join(far)}." if far else ".")
-        )
-    return lines
+        near = f"{len(found.recovered) - len(far)} of {len(found.recovered)} identifiable parameters"
+        but = f"; not so {', '.join(far)}" if far else ""
+        yield f"Recovery: from its own noisy output the mean of {near} comes back within two standard errors{but}."
 
 
-def _structure(found: Identifiability) -> list[str]:
+def _structure(found: Identifiability) -> Iterator[str]:
     known = found.sensitivity
     if found.identifiable:
-        return ["Structure: every free parameter changes the output in its own way; perfect data determine them all."]
-    count = f"{known.blind_directions} direction{'s' if known.blind_directions > 1 else ''}"
-    lines = [f"Structure: not identifiable. The output stays exactly the same along {count}:"]
+        yield "Structure: every free parameter changes the output in its own way; perfect data determine them all."
+        return
+    count = f"{known.blind_directions} direction{'s' * (known.blind_directions > 1)}"
+    yield f"Structure: not identifiable. The output stays exactly the same along {count}:"
     for up, down in map(_powers, known.symmetries):
-        lines.append(f"  {', '.join(up)} times k" + (f", {', '.join(down)} divided by k" if down else ""))
+        yield f"  {', '.join(up)} times k" + (f", {', '.join(down)} divided by k" if down else "")
     if (bent := known.blind_directions - len(known.symmetries)) > 0:
-        lines.append(f"  {bent} that depend on the values of {', '.join(known.mixed)}")
+        yield f"  {bent} that depend on the values of {', '.join(known.mixed)}"
     products = ", ".join(map(_product, known.products))
-    return [*lines, f"  Of the parameters that these mix, only products are identifiable: {products or 'none'}."]
+    yield f"  Of the parameters that these mix, only products are identifiable: {products or 'none'}."
 
 
 def _start_table(found: Identifiability) -> Table:
@@ -102,17 +92,11 @@ def _parameter_table(found: Identifiability) -> Table:
     recovered = {each.name: each for each in found.recovered}
     rows = []
     for each in found.profiles:
+        figures = f"{each.value:.4g}", f"{found.sensitivity.effect_degC[each.name]:.2g}"
+        interval = " to ".join("open" if end is None else f"{end:.4g}" for end in each.interval95)
         back = recovered.get(each.name)
-        rows.append(
-            (
-                each.name,
-                _note(found, each.name),
-                f"{each.value:.4g}",
-                f"{found.sensitivity.effect_degC[each.name]:.2g}",
-                " to ".join("open" if end is None else f"{end:.4g}" for end in each.interval95),
-                "-" if back is None else f"{back.mean:.4g} ({back.standard_errors_off:+.1f})",
-            )
-        )
+        comes_back = "-" if back is None else f"{back.mean:.4g} ({back.standard_errors_off:+.1f})"
+        rows.append((each.name, _note(found, each.name), *figures, interval, comes_back))
     caption = (
         "Effect: change of the output in degC (RMS) per e-fold. Interval: 95 % by profile likelihood, open where flat. "
         "Comes back: mean from its own noisy output, and how many of its standard errors it is off."

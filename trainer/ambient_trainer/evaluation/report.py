@@ -40,20 +40,14 @@ def report_of(model: Model, evaluations: Sequence[Evaluation]) -> Report:
     many = f"{len(evaluations)} traces" if len(evaluations) > 1 else "one trace"
     rmse = _pooled_rmse([each.metrics for each in evaluations])
     labels = trace_labels(evaluations)
-    seen = [label for label, each in zip(labels, evaluations) if each.overlaps_training]
-    samples_shown = [
-        Section(label, [_note(each), Figure(partial(_figure, each))], detail=True)
-        for label, each in zip(labels, evaluations)
-    ]
+    pairs = list(zip(labels, evaluations))
+    seen = [Finding(_SEEN.format(label), "warning") for label, each in pairs if each.overlaps_training]
+    every = (Section(label, [_note(each), Figure(partial(_figure, each))], detail=True) for label, each in pairs)
     return Report(
         subject="Model evaluation",
         title=f"{model.name}: {rmse:.2f} degC off (RMSE) over {samples:,} samples of {many}",
-        lead=[
-            *(Finding(_SEEN.format(label), "warning") for label in seen),
-            *_findings(evaluations, samples),
-            Facts(_facts(model)),
-        ],
-        sections=[Section("", [_metrics_table(evaluations, labels)]), *samples_shown],
+        lead=[*seen, *_findings(evaluations, samples), Facts(_facts(model))],
+        sections=[Section("", [_metrics_table(evaluations, labels)]), *every],
         data={"model": model.name, "traces": [_trace_data(each) for each in evaluations]},
     )
 

@@ -11,7 +11,7 @@ import pandas as pd
 from ambient_trainer.fleet.outliers import Outlier
 from ambient_trainer.fleet.run import FleetFit
 from ambient_trainer.fleet.space import MAIN
-from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
+from ambient_trainer.report import Block, Facts, Figure, Finding, Report, Section, Table
 from ambient_trainer.report.palette import BASELINE, ERROR, ESTIMATE, GREY, LIMIT
 from ambient_trainer.report.plots import add_curve, panel_figure
 
@@ -25,11 +25,11 @@ _SHOWN = 20
 
 def report_of(fleet: FleetFit) -> Report:
     """What a fleet's run shows."""
-    table = fleet.table
+    table, population = fleet.table, fleet.population
     good, failed = table[table["status"] != "failed"], fleet.failed
-    population = fleet.population
     errors = {way: good[f"rmse_{way}_degC"].to_numpy() for way in _WAYS}
-    median = {way: float(np.median(each)) for way, each in errors.items()}
+    median = {way: f"{np.median(each):.2f} degC" for way, each in errors.items()}
+    ways = "The population alone leaves {pooled}, each unit alone {separate}, both weighed {partial}"
     broken = Finding(f"{len(failed)} of {len(table)} units failed; the table has the reasons.", "warning")
     shares = {way: np.percentile(each, _SHARES) for way, each in errors.items()}
     rows = [(way, *(f"{value:.2f}" for value in each)) for way, each in shares.items()]
@@ -42,44 +42,32 @@ def report_of(fleet: FleetFit) -> Report:
         ("begun with", ", ".join(fleet.start.units)),
         ("groups", ", ".join("/".join(each) for each in fleet.groups if each) or "none"),
     ]
+    blocks: list[Block] = [
+        Table("RMSE in degC", ("pooling", "median", "90 % of units", "worst"), rows),
+        Figure(partial(_errors, errors), "Units in the order of their errors, for each way by itself."),
+    ]
+    about = "Units by parameter, about the median, over the interquartile range."
+    learnt: list[Block] = [
+        Table("", ("", "", ""), _hyperparameters(fleet, good)),
+        Table("DC gains, and the offset", ("parameter", "5 %", "median", "95 %"), gains, 1),
+        Figure(partial(_distributions, good, names), about),
+        Figure(partial(_map, fleet, good, names), "Each unit; outliers are named."),
+    ]
     outliers = Table("", ("unit", "probability", "cause", "confidence"), list(map(_outlier, fleet.outliers)))
+    failures = Table(more, ("unit", "reason"), list(lost.items())[:_SHOWN], labels=2)
     return Report(
         subject="A fleet",
-        title=f"{fleet.circuit}, {len(good)} units: {median['partial']:.2f} degC on blocks held out (median)",
+        title=f"{fleet.circuit}, {len(good)} units: {median['partial']} on blocks held out (median)",
         lead=[
-            Finding(
-                f"The population alone leaves {median['pooled']:.2f} degC, each unit alone {median['separate']:.2f} "
-                f"degC, both weighed {median['partial']:.2f} degC (RMSE, median unit).",
-                "result",
-            ),
-            broken if len(failed) else None,
+            Finding(f"{ways.format(**median)} (RMSE, median unit).", "result"),
+            broken if lost else None,
             Facts(facts),
         ],
         sections=[
-            Section(
-                "Errors on blocks held out",
-                [
-                    Table("RMSE in degC", ("pooling", "median", "90 % of units", "worst"), rows),
-                    Figure(partial(_errors, errors), "Units in the order of their errors, for each way by itself."),
-                ],
-            ),
-            Section(
-                "The population",
-                [
-                    Table("", ("", "", ""), _hyperparameters(fleet, good)),
-                    Table("DC gains, and the offset", ("parameter", "5 %", "median", "95 %"), gains, 1),
-                    Figure(
-                        partial(_distributions, good, names),
-                        "Units by parameter, about the median, over the interquartile range.",
-                    ),
-                    Figure(partial(_map, fleet, good, names), "Each unit; outliers are named."),
-                ],
-            ),
+            Section("Errors on blocks held out", blocks),
+            Section("The population", learnt),
             Section("Units that fit least", [outliers]),
-            Section(
-                "Units that failed",
-                [Table(more, ("unit", "reason"), list(lost.items())[:_SHOWN], labels=2)] if lost else [],
-            ),
+            Section("Units that failed", [failures] if lost else []),
         ],
         data={
             "units": len(table),

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from typing import Any
@@ -111,21 +111,28 @@ def left_out_lines(left_out: Mapping[str, str]) -> list[str]:
     return [f"Left out: {column.removesuffix('_degC')}: {why}." for column, why in left_out.items()]
 
 
-def findings(result: SearchResult) -> list[str]:
+def findings(result: SearchResult) -> Iterator[str]:
     """The findings in sentences, the most important first."""
     errors = [each.rmse_degC for each in result.sizes]
     named, least = result.recommended, min(result.sizes, key=lambda each: each.rmse_degC)
     on = f"held-out blocks{' (simulated)' * result.data.simulated}"
-    lines = [f"{counted(len(named.sensors))}, {_all_of(named.sensors)}: RMSE {named.rmse_degC:.2f} degC on {on}"]
+    yield f"{counted(len(named.sensors))}, {_all_of(named.sensors)}: RMSE {named.rmse_degC:.2f} degC on {on}"
     if least is not named:
-        lines.append(
-            f"The least is {least.rmse_degC:.2f} degC, with {len(least.sensors)}; one standard error up it is "
-            f"{least.interval_degC[1]:.2f}."
-        )
+        up = f"one standard error up it is {least.interval_degC[1]:.2f}"
+        yield f"The least is {least.rmse_degC:.2f} degC, with {len(least.sensors)}; {up}."
     flat = flat_from(errors, NEAR_DEGC)
     if flat < len(errors) - 1:
-        lines.append(f"From {counted(flat + 1)} on no further one gains more than {NEAR_DEGC:g} degC.")
-    return [*lines, *_alternatives(named), *_against(result), *_circuit_lines(result)]
+        yield f"From {counted(flat + 1)} on no further one gains more than {NEAR_DEGC:g} degC."
+    for out in named.sensors:
+        if others := [each.into for each in named.alternatives if each.out == out]:
+            hidden = len(others) - _NAMED_ALTERNATIVES
+            more = f" or one of {hidden} more" if hidden > 0 else ""
+            yield f"{out} or {' or '.join(others[:_NAMED_ALTERNATIVES])}{more}: within {NEAR_DEGC:g} degC."
+    yield from _against(result)
+    if result.circuits:
+        yield _best_of(result.circuits.values())
+    if result.circuits and result.unnamed:
+        yield f"No circuit has {', '.join(result.unnamed)}: a circuit file cannot hold such a name."
 
 
 def as_json(result: SearchResult) -> dict[str, Any]:
@@ -178,42 +185,26 @@ def _label(result: SearchResult, each: SelectedSet) -> str:
     return "given" if each is result.against else f"{len(each.sensors)}{' *' * (each is result.recommended)}"
 
 
-def _alternatives(named: SelectedSet) -> list[str]:
-    lines = []
-    for out in named.sensors:
-        if others := [each.into for each in named.alternatives if each.out == out]:
-            hidden = len(others) - _NAMED_ALTERNATIVES
-            more = f" or one of {hidden} more" if hidden > 0 else ""
-            lines.append(f"{out} or {' or '.join(others[:_NAMED_ALTERNATIVES])}{more}: within {NEAR_DEGC:g} degC.")
-    return lines
-
-
-def _against(result: SearchResult) -> list[str]:
+def _against(result: SearchResult) -> Iterator[str]:
     """The named set beside the best set of as many sensors, held out and on every check."""
     against = result.against
     if against is None or len(against.sensors) > len(result.sizes):
-        return []
-    index = len(against.sensors) - 1
-    best = result.sizes[index]
+        return
+    best = result.sizes[len(against.sensors) - 1]
     parts = [f"{best.rmse_degC:.2f} degC against {against.rmse_degC:.2f} held out"]
     for path, ours, theirs in zip(result.checks, best.checks_degC, against.checks_degC):
         parts.append(f"{ours:.2f} against {theirs:.2f} on {_name(path)}")
-    return [f"The best {len(best.sensors)} beside {_all_of(against.sensors)}: {', '.join(parts)}."]
+    yield f"The best {len(best.sensors)} beside {_all_of(against.sensors)}: {', '.join(parts)}."
 
 
-def _circuit_lines(result: SearchResult) -> list[str]:
-    if not result.circuits:
-        return []
-    best = min(result.circuits.values(), key=lambda each: each.rmse_degC)
-    tried = sum(each.tried for each in result.circuits.values())
-    kind = "hidden nodes behind the sensors" if best.topology.form == "temperature" else "the sensors' own nodes"
-    lines = [
-        f"Of {tried} circuits the best, of {_all_of(best.topology.sensors)}, has {len(best.topology.states)} states, "
-        f"{kind}, and {len(best.topology.edges)} edges: {best.rmse_degC:.2f} degC held out."
-    ]
-    if result.unnamed:
-        lines.append(f"No circuit has {', '.join(result.unnamed)}: a circuit file cannot hold such a name.")
-    return lines
+def _best_of(circuits: Collection[SelectedCircuit]) -> str:
+    best = min(circuits, key=lambda each: each.rmse_degC)
+    tried, topology = sum(each.tried for each in circuits), best.topology
+    kind = "hidden nodes behind the sensors" if topology.form == "temperature" else "the sensors' own nodes"
+    return (
+        f"Of {tried} circuits the best, of {_all_of(topology.sensors)}, has {len(topology.states)} states, "
+        f"{kind}, and {len(topology.edges)} edges: {best.rmse_degC:.2f} degC held out."
+    )
 
 
 def _size_data(each: SelectedSet, circuit: SelectedCircuit | None) -> dict[str, Any]:
