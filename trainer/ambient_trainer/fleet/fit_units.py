@@ -270,12 +270,11 @@ def unseen_model(start: Start, learnt: Learnt, units: int, created: str) -> str:
     return model_text(assembled(start.fit, systems), deviation, said, [], created)
 
 
+_Entries = Mapping[str, Any]
+
+
 def model_text(
-    fit: Fit,
-    deviation_degC: Mapping[str, float],
-    said: Mapping[str, Any],
-    training: Sequence[Mapping[str, Any]],
-    created: str,
+    fit: Fit, deviation_degC: Mapping[str, float], said: _Entries, training: Sequence[_Entries], created: str
 ) -> str:
     """The model file of ``fit``, each member's interval that of a normal error of its deviation."""
 

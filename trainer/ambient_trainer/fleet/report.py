@@ -30,6 +30,7 @@ def report_of(fleet: FleetFit) -> Report:
     errors = {way: good[f"rmse_{way}_degC"].to_numpy() for way in _WAYS}
     median = {way: f"{np.median(each):.2f} degC" for way, each in errors.items()}
     ways = "The population alone leaves {pooled}, each unit alone {separate}, both weighed {partial}"
+    result = Finding(f"{ways.format(**median)} (RMSE, median unit).", "result")
     broken = Finding(f"{len(failed)} of {len(table)} units failed; the table has the reasons.", "warning")
     shares = {way: np.percentile(each, _SHARES) for way, each in errors.items()}
     rows = [(way, *(f"{value:.2f}" for value in each)) for way, each in shares.items()]
@@ -58,11 +59,7 @@ def report_of(fleet: FleetFit) -> Report:
     return Report(
         subject="A fleet",
         title=f"{fleet.circuit}, {len(good)} units: {median['partial']} on blocks held out (median)",
-        lead=[
-            Finding(f"{ways.format(**median)} (RMSE, median unit).", "result"),
-            broken if lost else None,
-            Facts(facts),
-        ],
+        lead=[result, broken if lost else None, Facts(facts)],
         sections=[
             Section("Errors on blocks held out", blocks),
             Section("The population", learnt),

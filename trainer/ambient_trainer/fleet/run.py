@@ -152,13 +152,9 @@ def _begun(parts: Parts, question: Question, listed: Sequence[Entry]) -> Start:
     )
     ends: list[Start] = [end for (end,) in begun.results()]
     best = min(ends, key=lambda each: each.fit.rmse_degC)
-    fit = replace(
-        best.fit,
-        effort=effort,
-        evaluations=sum(each.fit.evaluations for each in ends),
-        start_rmses_degC=tuple(rmse for each in ends for rmse in each.fit.start_rmses_degC),
-    )
-    return replace(best, fit=fit)
+    rmses_degC = tuple(rmse for each in ends for rmse in each.fit.start_rmses_degC)
+    spent = sum(each.fit.evaluations for each in ends)
+    return replace(best, fit=replace(best.fit, effort=effort, evaluations=spent, start_rmses_degC=rmses_degC))
 
 
 def _learnt(looked: Stage, start: Start, question: Question) -> Learnt:

@@ -299,18 +299,11 @@ class _Search:
             columns, noises = tuple(each.column for each in sensors), np.array([each.noise_degC for each in sensors])
             fixed, free = self.grams.fitted(members), structure_of(members).system(*_unknowns(fit))
             noisy = replace(fixed, B=fixed.B * noises, D=fixed.D * noises)
-            found.append(
-                SelectedSet(
-                    fixed,
-                    tuple(self.grams.squares([members])[0].tolist()),
-                    samples,
-                    self.on_checks(fixed, "first-order", columns),
-                    sensors=tuple(each.name for each in sensors),
-                    noise_gain=noise_gain(fixed, self.data.period_s),
-                    noise_degC=noise_gain(noisy, self.data.period_s),
-                    free=ScoredSystem(free, fit["squares"], samples, self.on_checks(free, "first-order", columns)),
-                )
-            )
+            gain, noise_degC = (noise_gain(each, self.data.period_s) for each in (fixed, noisy))
+            squares, names = tuple(self.grams.squares([members])[0].tolist()), tuple(each.name for each in sensors)
+            checks_degC, of_free = (self.on_checks(each, "first-order", columns) for each in (fixed, free))
+            rival = ScoredSystem(free, fit["squares"], samples, of_free)
+            found.append(SelectedSet(fixed, squares, samples, checks_degC, names, gain, noise_degC, rival))
         return found
 
     def on_checks(self, system: StateSpace, hold: Hold, columns: Sequence[str]) -> tuple[float, ...]:
