@@ -27,11 +27,6 @@ def target_unit(column: str) -> str | None:
     return max((base for base in _UNITS if column.endswith(f"_{base}")), key=len, default=None)
 
 
-def units_of(base: str) -> list[str]:
-    """The units that convert to ``base``."""
-    return list(_UNITS[base])
-
-
 def to_base(values: Array, unit: str) -> Array:
     """``values`` in ``unit`` as values in its base unit; what is not finite stays so."""
     multiplier, divisor, offset = _UNITS[BASES[unit]][unit]

@@ -99,23 +99,20 @@ def _facts(model: Model) -> list[tuple[str, str | list[str]]]:
     main = model.main
     circuit = model.provenance.get("circuit")
     training = [str(span) for span in provenance_of(model).training]
+    variance = model.error_variance
+    quantiles, unit = (main.interval, "degC") if variance is None else (variance.quantiles, "sigma")
+    bands = ", ".join(f"{level} %: {low:+.2f} to {high:+.2f} {unit}" for level, (low, high) in quantiles.items())
+    outside = " and outside of what training has estimated" if variance and variance.beyond else ""
+    growing = f"; sigma grows with the estimate's rate of change{outside}" if variance else ""
     return [
         ("circuit", circuit if isinstance(circuit, str) else "not named in the model file"),
         ("estimates", model.output),
         ("reads", [f"{each.name}, {each.min:g} to {each.max:g} {written(each.unit)}" for each in main.inputs]),
         ("periods", ", ".join(f"{each.period_s:g} s" for each in main.discrete)),
-        ("published interval", _published(model)),
+        ("published interval", bands + growing),
         ("trained on", training or "not named in the model file"),
         ("created", model.created),
     ]
-
-
-def _published(model: Model) -> str:
-    variance = model.error_variance
-    quantiles, unit = (model.main.interval, "degC") if variance is None else (variance.quantiles, "sigma")
-    bands = ", ".join(f"{level} %: {low:+.2f} to {high:+.2f} {unit}" for level, (low, high) in quantiles.items())
-    outside = " and outside of what training has estimated" if variance and variance.beyond else ""
-    return bands if variance is None else f"{bands}; sigma grows with the estimate's rate of change{outside}"
 
 
 def _note(evaluation: Evaluation) -> str:

@@ -54,11 +54,6 @@ class Entry:
     labels: tuple[tuple[str, str], ...] = ()
     reason: str | None = None
 
-    def with_more(self, other: Entry) -> Entry:
-        """This entry and another of the same unit."""
-        pieces, rows, size = self.pieces + other.pieces, self.rows + other.rows, self.size + other.size
-        return replace(self, pieces=pieces, rows=rows, size=size, reason=self.reason or other.reason)
-
     @property
     def fault(self) -> str | None:
         """What is wrong with it, its size too."""
@@ -103,7 +98,10 @@ def entries(path: str, source: Source) -> list[Entry]:
     found: dict[str, Entry] = {}
     for file in _files(path):
         for each in _entries_in(file, path, source.by):
-            found[each.unit] = found[each.unit].with_more(each) if each.unit in found else each
+            if (other := found.get(each.unit)) is not None:
+                pieces, rows, size = other.pieces + each.pieces, other.rows + each.rows, other.size + each.size
+                each = replace(other, pieces=pieces, rows=rows, size=size, reason=other.reason or each.reason)
+            found[each.unit] = each
     if not found:
         hint = "put .csv, .csv.gz or .parquet files there, one a unit or with a column"
         raise refuse(path, "", "holds no trace", hint)

@@ -93,7 +93,11 @@ def stacked_figure(time_s: Array, panels: Sequence[Panel], shades: Sequence[Shad
     for row, panel in enumerate(panels, start=1):
         _draw_panel(figure, row, panel, x)
     for shade in shades:
-        _draw_shade(figure, shade, seconds)
+        box = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "line": {"width": 0}, "layer": "below"}
+        for start_s, stop_s in shade.spans:
+            figure.add_shape(**box, x0=start_s / seconds, x1=stop_s / seconds, fillcolor=shade.colour, opacity=0.18)
+        marker = {"symbol": "square", "size": 12, "color": shade.colour, "opacity": 0.4}
+        figure.add_scatter(x=[None], y=[None], name=wrapped(shade.name), mode="markers", marker=marker, row=1, col=1)
     _style(figure, inner + _MARGIN_PX["t"] + _MARGIN_PX["b"])
     figure.update_xaxes(title_text=f"time [{unit}]", row=len(panels), col=1)
     seen: set[str] = set()
@@ -252,14 +256,6 @@ def _outline(x: Array, band: Band) -> tuple[Array, Array]:
     xs = [np.concatenate([x[at[part]], x[at[part]][::-1], [np.nan]]) for part in parts]
     ys = [np.concatenate([low[part], high[part][::-1], [np.nan]]) for part in parts]
     return (np.concatenate(xs), np.concatenate(ys).astype(np.float32)) if parts else (np.empty(0), np.empty(0))
-
-
-def _draw_shade(figure: Plot, shade: Shade, seconds: float) -> None:
-    box = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "line": {"width": 0}, "layer": "below"}
-    for start_s, stop_s in shade.spans:
-        figure.add_shape(**box, x0=start_s / seconds, x1=stop_s / seconds, fillcolor=shade.colour, opacity=0.18)
-    marker = {"symbol": "square", "size": 12, "color": shade.colour, "opacity": 0.4}
-    figure.add_scatter(x=[None], y=[None], name=wrapped(shade.name), mode="markers", marker=marker, row=1, col=1)
 
 
 def _style(figure: Plot, height_px: int) -> None:

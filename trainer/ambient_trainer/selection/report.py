@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from typing import Any
@@ -129,9 +129,15 @@ def findings(result: SearchResult) -> Iterator[str]:
             more = f" or one of {hidden} more" if hidden > 0 else ""
             yield f"{out} or {' or '.join(others[:_NAMED_ALTERNATIVES])}{more}: within {NEAR_DEGC:g} degC."
     yield from _against(result)
-    if result.circuits:
-        yield _best_of(result.circuits.values())
-    if result.circuits and result.unnamed:
+    if not result.circuits:
+        return
+    best = min(result.circuits.values(), key=lambda each: each.rmse_degC)
+    tried, topology = sum(each.tried for each in result.circuits.values()), best.topology
+    kind = "hidden nodes behind the sensors" if topology.form == "temperature" else "the sensors' own nodes"
+    states = f"{len(topology.states)} states, {kind}, and {len(topology.edges)} edges"
+    of = f"Of {tried} circuits the best, of {_all_of(topology.sensors)}"
+    yield f"{of}, has {states}: {best.rmse_degC:.2f} degC held out."
+    if result.unnamed:
         yield f"No circuit has {', '.join(result.unnamed)}: a circuit file cannot hold such a name."
 
 
@@ -195,16 +201,6 @@ def _against(result: SearchResult) -> Iterator[str]:
     for path, ours, theirs in zip(result.checks, best.checks_degC, against.checks_degC):
         parts.append(f"{ours:.2f} against {theirs:.2f} on {_name(path)}")
     yield f"The best {len(best.sensors)} beside {_all_of(against.sensors)}: {', '.join(parts)}."
-
-
-def _best_of(circuits: Collection[SelectedCircuit]) -> str:
-    best = min(circuits, key=lambda each: each.rmse_degC)
-    tried, topology = sum(each.tried for each in circuits), best.topology
-    kind = "hidden nodes behind the sensors" if topology.form == "temperature" else "the sensors' own nodes"
-    return (
-        f"Of {tried} circuits the best, of {_all_of(topology.sensors)}, has {len(topology.states)} states, "
-        f"{kind}, and {len(topology.edges)} edges: {best.rmse_degC:.2f} degC held out."
-    )
 
 
 def _size_data(each: SelectedSet, circuit: SelectedCircuit | None) -> dict[str, Any]:

@@ -58,8 +58,12 @@ def screened(traces: Sequence[Trace]) -> tuple[tuple[Sensor, ...], dict[str, str
         twins = [other for other in kept if np.ptp((table[name] - table[other]).dropna()) <= _SAME_K]
         why[name] = f"reads the same as {twins[0].removesuffix('_degC')}" if twins else None
         kept += [] if twins else [name]
-    sensors = tuple(_sensor(each, [frame[each] for frame in frames]) for each in kept)
-    return sensors, {name: reason for name, reason in why.items() if reason is not None}
+    sensors = []
+    for name in kept:
+        known = [frame[name].dropna().to_numpy() for frame in frames]
+        step = float(np.round(np.diff(np.unique(np.round(np.concatenate(known), 6))).min(), 6))
+        sensors.append(Sensor(name, step, max(noise_of(known), step / np.sqrt(12))))
+    return tuple(sensors), {name: reason for name, reason in why.items() if reason is not None}
 
 
 def _unusable(values: pd.Series) -> str | None:
@@ -96,9 +100,3 @@ def _stuck(name: str, table: pd.DataFrame, frames: Sequence[pd.DataFrame]) -> st
             place = f"{longest[name].iloc[0]:g} degC from {start_s:.10g} s on for {lasted_s:.0f} s"
             return f"stuck: {place}, while the others moved by {moved.median():.1f} degC (median)"
     return None
-
-
-def _sensor(name: str, columns: Sequence[pd.Series]) -> Sensor:
-    known = [each.dropna().to_numpy() for each in columns]
-    step = float(np.round(np.diff(np.unique(np.round(np.concatenate(known), 6))).min(), 6))
-    return Sensor(name, step, max(noise_of(known), step / np.sqrt(12)))

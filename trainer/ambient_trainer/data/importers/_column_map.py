@@ -16,7 +16,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, model_v
 from ambient_model.faults import Fault
 from ambient_model.trace import LARGEST, split_column
 from ambient_trainer.data.strict_yaml import Strict, holds, validated, wrong
-from ambient_trainer.data.units import BASES, target_unit, units_of
+from ambient_trainer.data.units import BASES, target_unit
 
 
 def _text(value: Any) -> Any:
@@ -175,6 +175,7 @@ def _target_faults(data: Any) -> list[Fault]:
         unit = entry.get("unit") if isinstance(entry, dict) else None
         target = target_unit(name)
         if isinstance(unit, str) and BASES.get(unit, target) != target:
-            hint = f"take one of {', '.join(units_of(target))}" if target else f"end its name in _{BASES[unit]}"
+            fitting = ", ".join(each for each, base in BASES.items() if base == target)
+            hint = f"take one of {fitting}" if target else f"end its name in _{BASES[unit]}"
             faults.append(Fault(f"{place}.unit", f"{unit} does not become {target or split_column(name)[1]}", hint))
     return faults
