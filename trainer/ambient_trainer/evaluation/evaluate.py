@@ -126,20 +126,16 @@ def evaluate_trace(model: Model, trace: Trace, from_s: float | None = None) -> E
     trace_period_s = sampling_period_s(whole.time_s)
     discrete = nearest_discrete(model.main, trace_period_s)
     if trace_period_s > bridge_limit_s(discrete.period_s):
-        problem = (
-            f"its samples lie {trace_period_s:g} s apart, and the model at {discrete.period_s:g} s bridges at most "
-            f"{bridge_limit_s(discrete.period_s):g} s"
-        )
+        bridged = f"the model at {discrete.period_s:g} s bridges at most {bridge_limit_s(discrete.period_s):g} s"
+        problem = f"its samples lie {trace_period_s:g} s apart, and {bridged}"
         raise refuse(trace.path, "", problem, "log more often, or fit the model to a trace with this period")
     found = Tracked._make(each[-len(trace.time_s) :] for each in tracked(model, discrete, whole))
     error = trace.reference - found.ambient_degC
     scored = np.isfinite(error)
     if np.count_nonzero(scored) < 2:
         estimates_known, references = np.isfinite(found.ambient_degC).sum(), np.isfinite(trace.reference).sum()
-        problem = (
-            f"too few samples to score: of {len(trace.time_s)} samples {estimates_known} have an estimate, "
-            f"{references} a reference and {scored.sum()} both"
-        )
+        counts = f"{estimates_known} have an estimate, {references} a reference and {scored.sum()} both"
+        problem = f"too few samples to score: of {len(trace.time_s)} samples {counts}"
         hint = "fill the columns, and see that the sensors lie within the ranges of the model file"
         raise refuse(trace.path, "", problem, f"two with both are wanted: {hint}")
     variance = model.error_variance

@@ -136,17 +136,11 @@ def add_curve(
     if ends is not None:
         up, down = zip(*((high - value, value - low) for value, (low, high) in zip(y, ends)))
         bars = {"type": "data", "symmetric": False, "array": up, "arrayminus": down, "color": colour, "thickness": 1.3}
-    figure.add_scatter(
-        x=list(x),
-        y=list(y),
-        mode="lines+markers",
-        name=_plain(name),
-        line={"color": colour, "width": width, "dash": dash},
-        marker={"size": 6 if ends is None else 9},
-        error_y=bars,
-        text=None if hover is None else [_plain(each).replace("\n", "<br>") for each in hover],
-        hovertemplate="%{y:.3f}" + ("" if hover is None else "<br>%{text}") + "<extra></extra>",
-    )
+    text = None if hover is None else [_plain(each).replace("\n", "<br>") for each in hover]
+    template = "%{y:.3f}" + ("" if hover is None else "<br>%{text}") + "<extra></extra>"
+    look = {"line": {"color": colour, "width": width, "dash": dash}, "marker": {"size": 6 if ends is None else 9}}
+    shown = {"mode": "lines+markers", "name": _plain(name), "text": text, "hovertemplate": template, **look}
+    figure.add_scatter(x=list(x), y=list(y), error_y=bars, **shown)
 
 
 def matrix_figure(
@@ -162,15 +156,9 @@ def matrix_figure(
     figure = panel_figure(x_title, "", height_px=110 + cell_px * len(rows))
     written = {"text": texts, "texttemplate": "%{text}", "textfont": {"color": TEXT}}
     coloured = {"z": values, "colorscale": DIVERGING, "zmin": -largest, "zmax": largest, "showscale": False}
-    figure.add_heatmap(
-        x=[_plain(each) for each in columns],
-        y=[_plain(each) for each in rows],
-        hovertemplate="%{y}, %{x}: %{text}<extra></extra>",
-        xgap=2,
-        ygap=2,
-        **written,
-        **coloured,
-    )
+    places = {"x": list(map(_plain, columns)), "y": list(map(_plain, rows)), "xgap": 2, "ygap": 2}
+    hover = "%{y}, %{x}: %{text}<extra></extra>"
+    figure.add_heatmap(**places, **written, **coloured, hovertemplate=hover)
     figure.update_xaxes(type="category", showgrid=False)
     figure.update_yaxes(autorange="reversed", automargin=True, showgrid=False)
     return figure

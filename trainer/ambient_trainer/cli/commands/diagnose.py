@@ -31,21 +31,16 @@ from ambient_trainer import cli
 @click.option("--extended", "extended_path", metavar="FILE.yaml", help="Write the circuit with what was missing.")
 @cli.jobs_option("Candidates at a time.")
 def command(
-    trace_paths: tuple[str, ...],
-    circuit: str,
-    baselines: tuple[str, ...],
-    output: cli.Output,
-    extended_path: str | None,
-    **question: Any,
+    trace_paths: tuple[str, ...], circuit: str, output: cli.Output, extended_path: str | None, **question: Any
 ) -> None:
     """Show where TRACE and the simulated circuit part, name the cause, and measure what adding it gains.
 
     The circuit is simulated forward: ambient and drives in, every sensor out. With --baseline it is fitted to
     known-good traces, and the question is what changed; without, the question is what the circuit lacks.
     """
-    output.check([*trace_paths, *baselines, circuit], [extended_path])
+    output.check([*trace_paths, *question["baselines"], circuit], [extended_path])
     with cli.staged_progress() as progress:
-        result = at.diagnose(trace_paths, circuit, baselines=baselines, progress=progress, **question)
+        result = at.diagnose(trace_paths, circuit, progress=progress, **question)
     output.show(result.summary)
     if extended_path is None:
         return

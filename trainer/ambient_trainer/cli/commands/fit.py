@@ -30,7 +30,7 @@ STOPPED = 1
 )
 @click.option(
     "--resolution",
-    "resolutions",
+    "resolution",
     multiple=True,
     type=cli.assigned("SENSOR=STEP, such as battery=1", float),
     metavar="SENSOR=STEP",
@@ -39,14 +39,7 @@ STOPPED = 1
 @cli.period_option()
 @cli.effort_options
 def command(
-    trace_paths: tuple[str, ...],
-    circuit: str,
-    model_path: str,
-    output: cli.Output,
-    zones: tuple[tuple[str, str], ...],
-    resolutions: tuple[tuple[str, float], ...],
-    effort: at.Effort,
-    **data: Any,
+    trace_paths: tuple[str, ...], circuit: str, model_path: str, output: cli.Output, effort: at.Effort, **data: Any
 ) -> int:
     """Fit a circuit to one or several TRACEs that hold ambient_degC, and export it for a device.
 
@@ -62,9 +55,9 @@ def command(
     traces = [load_trace(path).cut(data["from_s"], data["to_s"]) for path in trace_paths]
     samples = sum(int(np.isfinite(trace.reference).sum()) for trace in traces if REFERENCE in trace.columns)
     searches = estimator(circuit, sensor_columns(data["sensors"])).searches(effort)
-    how: dict[str, Any] = {"zones": dict(zones), "resolution": dict(resolutions), "effort": effort, **data}
+    data |= {name: dict(data[name]) for name in ("zones", "resolution")}
     with cli.fit_progress(circuit, effort, searches, samples) as progress:
-        result = at.fit(traces, circuit, progress=progress, **how)
+        result = at.fit(traces, circuit, effort=effort, progress=progress, **data)
     result.save(model_path)
     output.show(result.summary)
     periods = ", ".join(f"{each.period_s:g}" for each in result.model.main.discrete)
