@@ -171,10 +171,7 @@ class _Reading:
     def circuit(self, source: str) -> Circuit:
         file = self.file
         circuit = Circuit(
-            name=file.name,
-            about=file.about,
-            form=file.form,
-            hold=file.hold,
+            **file.model_dump(include={"name", "about", "form", "hold"}),
             nodes=tuple(self._node(name, node) for name, node in file.nodes.items()),
             edges=tuple(self._edge(index, edge) for index, edge in enumerate(file.edges)),
             sources=tuple(self._source(index, each) for index, each in enumerate(file.sources)),

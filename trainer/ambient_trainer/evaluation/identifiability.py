@@ -292,10 +292,8 @@ def recovered(
     draws = []
     for index in range(replicates if names else 0):
         progress("fitting its own output with noise", index, replicates)
-        noisy = [
-            replace(each, outputs=each.outputs + random.normal(0.0, subject.noise_degC, each.outputs.shape))
-            for each in subject.own
-        ]
+        noises = (random.normal(0.0, subject.noise_degC, each.outputs.shape) for each in subject.own)
+        noisy = [replace(each, outputs=each.outputs + noise) for each, noise in zip(subject.own, noises)]
         _, values = _refitted(CircuitStructure(structure.circuit, noisy))
         draws.append([math.log(values[name]) if log else values[name] for name, log in zip(names, positive)])
     if len(draws) < 2:

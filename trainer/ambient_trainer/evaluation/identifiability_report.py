@@ -29,6 +29,7 @@ def report_of(found: Identifiability) -> Report:
 def _thesis_test(found: Identifiability) -> str:
     """The test of the thesis; a structure that is identifiable may still not be so where the fit lies."""
     others, close = len(found.others), sum(each.another(CLOSE_PERCENT) for each in found.reestimates)
+    more = f" {close - others} more came to {CLOSE_PERCENT:g} % or more." if close > others else ""
     moved = {name for each in found.others for name, share in each.moved.items() if share > MOVED}
     if not moved:
         verdict = "not shown to be unidentifiable."
@@ -36,11 +37,8 @@ def _thesis_test(found: Identifiability) -> str:
         verdict = f"not identifiable at this fit, where {', '.join(sorted(moved))} moved together and nothing else did."
     else:
         verdict = "not identifiable."
-    return (
-        f"The thesis's test: of {len(found.reestimates)} starts {others} ended at another parameter set (one off by "
-        f"more than {100 * MOVED:g} %) with the same output: {verdict}"
-        + (f" {close - others} more came to {CLOSE_PERCENT:g} % or more." if close > others else "")
-    )
+    ended = f"of {len(found.reestimates)} starts {others} ended at another parameter set"
+    return f"The thesis's test: {ended} (one off by more than {100 * MOVED:g} %) with the same output: {verdict}{more}"
 
 
 def _at_this_fit(found: Identifiability) -> Iterator[str]:

@@ -119,11 +119,9 @@ def _note(evaluation: Evaluation) -> str:
     start, stop = evaluation.time_s[0], evaluation.time_s[-1]
     counts = ((evaluation.without_estimate, "an estimate"), (evaluation.without_reference, "a reference"))
     unscored = " and ".join(f"{count:,} without {what}" for count, what in counts if count)
-    return (
-        f"{start:.10g} to {stop:.10g} s, a sample every {evaluation.trace_period_s:.5g} s, recursion at "
-        f"{evaluation.period_s:g} s; {evaluation.scored:,} samples scored"
-        f"{f', not scored: {unscored}' if unscored else ''}."
-    )
+    scored = f"{evaluation.scored:,} samples scored{f', not scored: {unscored}' if unscored else ''}"
+    every = f"a sample every {evaluation.trace_period_s:.5g} s, recursion at {evaluation.period_s:g} s"
+    return f"{start:.10g} to {stop:.10g} s, {every}; {scored}."
 
 
 def _figure(evaluation: Evaluation) -> Plot:

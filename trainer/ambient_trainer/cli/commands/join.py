@@ -73,13 +73,11 @@ def _row(logged: Logged, shift: ClockShift | None) -> tuple[str, ...]:
 
 def _sentence(logged: Logged, shift: ClockShift | None, moved_s: float) -> str:
     name = os.path.basename(logged.trace.path)
-    start = f"{name} is placed by {logged.epoch}. "
+    start, unclear = f"{name} is placed by {logged.epoch}. ", "Whether its clock is shifted is not determined"
     if shift is None:
-        return start + "Whether its clock is shifted is not determined: no two columns change together."
+        return f"{start}{unclear}: no two columns change together."
     if shift.problem is not None:
-        return (
-            f"{start}Whether its clock is shifted is not determined by {' and '.join(shift.columns)}: {shift.problem}."
-        )
+        return f"{start}{unclear} by {' and '.join(shift.columns)}: {shift.problem}."
     if not shift.significant:
         return start + "Its clock is not shifted: the interval holds 0."
     late = "behind" if shift.shift_s > 0 else "ahead"

@@ -249,9 +249,8 @@ class _Reading:
     def _numbers(self, column: str, missing: set[str]) -> Array:
         """The column's cells, NaN where missing: empty, NaN, or in ``missing`` as text or as the same number."""
         decimal = self.map.decimal
-        values, wrong = _parsed(
-            self.cells[column].tolist(), lambda text: np.nan if text in missing else _number(text, decimal)
-        )
+        texts = self.cells[column].tolist()
+        values, wrong = _parsed(texts, lambda text: np.nan if text in missing else _number(text, decimal))
         comma = "if that is a decimal comma, say 'decimal: \",\"' in the map"
         hint = {True: comma, False: _LISTED}
         self._bad(wrong, column, lambda text: (f"{text!r} is not a number", hint[decimal == "." and "," in text]))
