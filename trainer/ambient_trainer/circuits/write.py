@@ -40,9 +40,7 @@ def write_circuit(circuit: Circuit) -> str:
             for node in circuit.nodes
         },
         "edges": [_Line(between=list(edge.between), resistance=values[edge.resistance]) for edge in circuit.edges],
-        "sources": [
-            _Line(into=source.into, signal=source.signal, share=values[source.share]) for source in circuit.sources
-        ],
+        "sources": [_Line(into=each.into, signal=each.signal, share=values[each.share]) for each in circuit.sources],
         "outputs": {output.name: _output(output, values) for output in circuit.outputs},
         "parameters": {each.name: _parameter(each) for each in named},
         "mechanisms": [_mechanism(each) for each in circuit.mechanisms],

@@ -16,7 +16,7 @@ import pandas as pd
 from ambient_model.faults import Refused
 from ambient_model.trace import TIME, split_column
 from ambient_trainer.data.grid import sampling_period_s
-from ambient_trainer.data.trace import Array, Trace, load_trace
+from ambient_trainer.data.trace import Array, Trace, frame_trace, load_trace
 
 _GAP = 3.0
 """In periods of its own: a longer step of a logger is a gap."""
@@ -54,11 +54,7 @@ def load_logged(path: str) -> Logged:
         increasing = frame[TIME].to_numpy() > np.concatenate([[-np.inf], np.maximum.accumulate(frame[TIME])[:-1]])
         if increasing.all():
             raise refused from None
-        try:
-            trace = load_trace(frame[increasing])
-        except Refused as other:
-            raise Refused(path, list(other.faults)) from None
-        return Logged(replace(trace, path=path), int((~increasing).sum()))
+        return Logged(frame_trace(frame[increasing], path), int((~increasing).sum()))
 
 
 def on_one_epoch(traces: Sequence[Logged]) -> list[Logged]:

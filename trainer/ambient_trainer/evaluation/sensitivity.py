@@ -64,10 +64,8 @@ def sensitivity(structure: CircuitStructure, theta: Array, beta: Array, seed: in
     samples = sum(segment.inputs.shape[1] for segment in structure.segments) * len(structure.circuit.outputs)
     here = log_jacobian(structure, theta, beta) / math.sqrt(samples)
     random = np.random.default_rng(seed)
-    places = [
-        log_jacobian(structure, structure.random_start(random), random.uniform(0.2, 0.8, len(beta)))
-        for _ in range(_PLACES)
-    ]
+    drawn = ((structure.random_start(random), random.uniform(0.2, 0.8, len(beta))) for _ in range(_PLACES))
+    places = [log_jacobian(structure, *each) for each in drawn]
     names = parameter_names(structure)
     effect = np.linalg.norm(here, axis=0)
     # the null space where it is smallest, and the mean projector onto it there

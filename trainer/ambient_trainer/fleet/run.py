@@ -159,14 +159,11 @@ def _begun(parts: Parts, question: Question, listed: Sequence[Entry]) -> Start:
 
 def _learnt(looked: Stage, start: Start, question: Question) -> Learnt:
     """The population of each member, from units at equal distances and the longest logs."""
-    brief = pd.DataFrame(
-        (
-            (number, index, each.unit, each.reason, each.group, each.seconds, each.memory_s)
-            for number, chunk in enumerate(looked.results())
-            for index, each in enumerate(chunk)
-        ),
-        columns=["chunk", "index", "unit", "reason", "group", "seconds", "memory_s"],
-    )
+    rows = []
+    for number, chunk in enumerate(looked.results()):
+        for index, each in enumerate(chunk):
+            rows.append((number, index, each.unit, each.reason, each.group, each.seconds, each.memory_s))
+    brief = pd.DataFrame(rows, columns=["chunk", "index", "unit", "reason", "group", "seconds", "memory_s"])
     if brief["reason"].isna().sum() < FEWEST:
         raise too_few(question.path, zip(brief["unit"], brief["reason"]))
     brief = brief[brief["reason"].isna()]
@@ -181,9 +178,9 @@ def _learnt(looked: Stage, start: Start, question: Question) -> Learnt:
         longest = brief.sort_values("seconds", kind="stable", ascending=False).head(_LONGEST)
         brief = brief.loc[sorted({*evenly.index, *longest.index})]
     units: list[Looked] = []
-    for number, rows in brief.groupby("chunk"):
-        chunk = unpacked(looked[number])
-        units += [chunk[index] for index in rows["index"]]
+    for number, part in brief.groupby("chunk"):
+        there = unpacked(looked[number])
+        units += [there[index] for index in part["index"]]
     groups = tuple(sorted({each.group for each in units}))
     numbers = np.array([groups.index(each.group) for each in units])
     members = zip(*(each.members for each in units))

@@ -40,10 +40,8 @@ class Sensor:
 
 def screened(traces: Sequence[Trace]) -> tuple[tuple[Sensor, ...], dict[str, str]]:
     """The temperatures that every trace holds and that are usable, and why each other column is left out."""
-    frames = [
-        pd.DataFrame(each.columns, index=each.time_s).filter(regex="_degC$").drop(columns=REFERENCE, errors="ignore")
-        for each in traces
-    ]
+    temperatures = [each.to_frame().filter(regex="_degC$") for each in traces]
+    frames = [each.drop(columns=REFERENCE, errors="ignore") for each in temperatures]
     table = pd.concat(frames, ignore_index=True)
     if table.columns.empty:
         raise refuse(traces[0].path, "line 1", "no '_degC' column besides the reference", "log a sensor")

@@ -10,7 +10,6 @@ from rich.console import Console
 from ambient_model.atomic import replacing
 from ambient_trainer import cli
 
-_KINDS = {"thermometer": "greisinger-easybus", "multiplexer": "agilent-34970a"}
 _SIMULATED_PROBES = {"air1": 101, "air2": 102, "air3": 103, "air4": 104}
 _PROBE = re.compile(r"([A-Za-z][A-Za-z0-9_.-]*)=([0-9]+)")
 _PATIENCE_S = 3600.0
@@ -108,8 +107,8 @@ def command(
     else:
         named = {"thermocouple": thermocouple, "baud": baud, "probes": probes or _SIMULATED_PROBES}
         links = (
-            settings(_KINDS["thermometer"], port=thermometer or "", address=address),
-            settings(_KINDS["multiplexer"], port=multiplexer or "", **named),
+            settings("greisinger-easybus", port=thermometer or "", address=address),
+            settings("agilent-34970a", port=multiplexer or "", **named),
         )
         status = Console(stderr=True, highlight=False).status("")
         due_s = time.monotonic()

@@ -149,10 +149,8 @@ def parse_map(data: Any, source: str, presets: dict[str, Any] | None = None) -> 
     Raises :class:`Refused` with every fault and its place in ``source``, such as ``columns.usb_degC.scale``.
     """
     if isinstance(data, dict):
-        both = {}
-        for key, preset in (presets or {}).items():
-            if isinstance(preset, dict) and isinstance(data.get(key), dict):
-                both[key] = preset | data[key]
+        parts = {key: each for key, each in (presets or {}).items() if isinstance(each, dict)}
+        both = {key: each | data[key] for key, each in parts.items() if isinstance(data.get(key), dict)}
         data = {**(presets or {}), **data, **both}
     return validated(ColumnMap, data, source, _target_faults(data))
 
