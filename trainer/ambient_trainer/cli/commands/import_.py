@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ambient_trainer.data.importers._table import Imported
 
 IMPORTERS = "ambient_trainer.data.importers"
-_FILE = click.Path(exists=True, dir_okay=False)
+_FILE, _FORMAT = click.Path(exists=True, dir_okay=False), click.Choice(list(plugin_names(IMPORTERS)))
 
 
 class _WithFormats(click.Command):
@@ -28,13 +28,7 @@ class _WithFormats(click.Command):
 
 @click.command("import", cls=_WithFormats)
 @click.argument("src", type=_FILE)
-@click.option(
-    "--format",
-    "kind",
-    type=click.Choice(list(plugin_names(IMPORTERS))),
-    required=True,
-    help="How SRC is written; see Formats.",
-)
+@click.option("--format", "kind", type=_FORMAT, required=True, help="How SRC is written; see Formats.")
 @click.option("--map", "map_path", type=_FILE, help="YAML: which columns to take, their names and units.")
 @click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The trace; .gz compresses it.")
 def command(src: str, kind: str, map_path: str | None, output: str) -> None:

@@ -9,21 +9,17 @@ from ambient_model import __version__
 from ambient_trainer import cli
 from ambient_trainer.report.files import made_folder
 
+_GAP, _ERROR = cli.FiniteRange(min=0), cli.FiniteRange(min=1e-3, max=10)
+
 
 @click.command("search")
 @click.argument("trace_paths", metavar="TRACE...", nargs=-1, required=True)
 @click.option("--most", type=click.IntRange(1, 12), default=6, help="Up to so many sensors.")
 @click.option("--order", type=click.IntRange(1, 4), default=4, help="States of a filter or circuit.")
 @click.option("--blocks", type=click.IntRange(2, 1000), default=10, help="Held out in turn.")
+@click.option("--gap", "gap_s", type=_GAP, metavar="S", show_default="a tenth of it", help="Beside a block.")
 @click.option(
-    "--gap", "gap_s", type=cli.FiniteRange(min=0), metavar="S", show_default="a tenth of it", help="Beside a block."
-)
-@click.option(
-    "--tolerance",
-    "tolerance_degC",
-    type=cli.FiniteRange(min=1e-3, max=10),
-    default=0.1,
-    help="Error of each sensor, as noise and as a bias.",
+    "--tolerance", "tolerance_degC", type=_ERROR, default=0.1, help="Error of each sensor, as noise and as a bias."
 )
 @click.option(
     "--against", type=cli.names, metavar="A,B,...", help="Score this set beside the best, such as usb,battery."

@@ -10,6 +10,8 @@ import ambient_trainer as at
 from ambient_trainer import cli
 from ambient_trainer.report.files import write_json
 
+_MINUTES = cli.FiniteRange(min=1)
+
 
 @click.command("simulate")
 @click.argument("scenario")
@@ -23,13 +25,7 @@ from ambient_trainer.report.files import write_json
 )
 @click.option("--truth", "truth_path", metavar="FILE.json", help="Write what is hidden to this file.")
 @click.option("--units", type=click.IntRange(2, 1_000_000), metavar="N", help="Draw a fleet of so many units.")
-@click.option(
-    "--minutes",
-    type=cli.FiniteRange(min=1),
-    metavar="M",
-    show_default="as long as SCENARIO",
-    help="Of each unit's log.",
-)
+@click.option("--minutes", type=_MINUTES, metavar="M", show_default="as long as SCENARIO", help="Of each unit's log.")
 @click.option("--cased", type=cli.FiniteRange(0, 1), default=0.5, metavar="SHARE", help="Of the units, in a case.")
 @click.option(
     "-o", "--output", required=True, metavar="OUT", help="The trace (.gz compresses it), or a fleet's folder."
