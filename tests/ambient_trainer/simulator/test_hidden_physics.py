@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from ambient_trainer.simulator.additions import AIR, TERMS, Additions, together
 from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.heat import HeatBalance
-from ambient_trainer.simulator.hidden import Hidden, Setting
+from ambient_trainer.simulator.hidden import Acting, Hidden
 from ambient_trainer.simulator.run import Run, integrate
 from ambient_trainer.simulator.signals import SIGNALS, signal
 from ambient_trainer.simulator.text import hidden_text
@@ -41,17 +41,16 @@ _BODIES = [
 _ALL = [*_HEAT, *_LOSSES, *_BODIES]
 
 
-def _setting(effect, count=_COUNT, period_s=1.0):
-    time_s = np.arange(count) * period_s
-    bare = Setting(_PHONE, time_s, period_s, {})
-    if effect.signal is None:
-        return bare
-    drawn = signal(effect.signal, time_s, bare.lasting(effect), np.random.default_rng(3))
-    return Setting(_PHONE, time_s, period_s, {effect.signal: drawn})
+def _acting(effect, count=_COUNT, seed=4):
+    time_s, signals = np.arange(count) * 1.0, {}
+    if effect.signal is not None:
+        window = effect.lasting(time_s, 1.0)
+        signals[effect.signal] = signal(effect.signal, time_s, window, np.random.default_rng(3))
+    return Acting(_PHONE, time_s, 1.0, signals, effect, lambda: np.random.default_rng(seed))
 
 
-def _added(effect, setting, number=0):
-    return setting.with_hidden(effect, lambda: np.random.default_rng(4)).part(number)
+def _added(effect, number=0, count=_COUNT):
+    return _acting(effect, count).part(number)
 
 
 def _run(count=_COUNT):
@@ -67,7 +66,7 @@ def _means(values):
 @pytest.fixture(scope="module")
 def driven():
     """Every effect in one batch: the run, what was added, and what came of it."""
-    parts = [_added(effect, _setting(effect)) for effect in _ALL]
+    parts = [_added(effect) for effect in _ALL]
     return dict(zip(_ALL, zip(parts, integrate([_run()] * len(_ALL), 1.0, added=parts))))
 
 
@@ -101,7 +100,7 @@ def test_heat_in_is_heat_stored_plus_heat_lost(driven, effect):
 
 def test_integration_agrees_with_an_adaptive_solver():
     effects = [_BODIES[0], _BODIES[3], _BODIES[5], _LOSSES[0], _LOSSES[3], _HEAT[0]]
-    part = together([_added(effect, _setting(effect), number) for number, effect in enumerate(effects)])
+    part = together([_added(effect, number) for number, effect in enumerate(effects)])
     run = _run(500)
     ours = integrate([run], 1.0, added=[part])[0]
     additions = Additions(HeatBalance([run.device]), [part])
@@ -120,14 +119,14 @@ def test_integration_agrees_with_an_adaptive_solver():
 def test_what_is_attached_since_ever_is_at_rest_with_the_phone():
     mass = Hidden("thermal_mass", "display", None, 0.0, None, 100.0)
     run = Run(_PHONE, 20.0, np.full(900, 20.0), np.zeros(900, dtype=int), np.ones(900), 0)
-    done = integrate([run], 1.0, added=[_added(mass, _setting(mass, 900))])[0]
+    done = integrate([run], 1.0, added=[_added(mass, count=900)])[0]
     assert np.ptp(done.nodes_degC, axis=0).max() < 1e-6
     assert np.ptp(done.bodies_degC, axis=0).max() < 1e-6
 
 
 def test_a_strap_conducts_the_stated_heat_at_rest():
     strap = Hidden("path", "flash-usb", None, 0.0, None, 0.2)
-    part = _added(strap, _setting(strap))
+    part = _added(strap)
     additions = Additions(HeatBalance([_PHONE]), [part])
     flash, usb = NODES.index("flash"), NODES.index("usb")
     state = np.zeros((1, additions.width))
@@ -139,7 +138,7 @@ def test_a_strap_conducts_the_stated_heat_at_rest():
 
 def test_a_fan_doubles_the_convection_at_ten_kelvin_and_only_that():
     fan = Hidden("ambient_coupling", None, None, 0.0, None, -0.5)
-    part = _added(fan, _setting(fan))
+    part = _added(fan)
     balance = HeatBalance([_PHONE])
     nodes, air = np.full((1, len(NODES)), 30.0), np.array([20.0])
     more_W = TERMS["blown"](nodes, air, balance)[0] * part.terms[0].pattern
@@ -151,13 +150,13 @@ def test_a_fan_doubles_the_convection_at_ten_kelvin_and_only_that():
 
 def test_a_case_takes_from_convection_and_radiation_and_never_all_of_it():
     case = Hidden("ambient_coupling", "display", None, 0.0, None, 1.0)
-    terms = {term.kind: term for term in _added(case, _setting(case)).terms}
+    terms = {term.kind: term for term in _added(case).terms}
     assert {kind: term.pattern[NODES.index("display")] for kind, term in terms.items()} == pytest.approx(
         {"convected": -0.5, "radiated": -0.25}
     )
     assert all(np.count_nonzero(term.pattern) == 1 for term in terms.values())
     cases = [Hidden("ambient_coupling", None, None, 0.0, None, 9.0)] * 3
-    part = together([_added(case, _setting(case)) for case in cases])
+    part = together([_added(case) for case in cases])
     coefficients = Additions(HeatBalance([_PHONE]), [part]).coefficients(0)
     assert min(coefficient.min() for coefficient in coefficients.values()) > -1.0
 
@@ -173,7 +172,7 @@ def test_a_draught_is_like_convection_at_fifteen_kelvin_nearly_nothing_below_and
 
 def test_a_contact_is_shared_by_area():
     hand = Hidden("contact", None, None, 0.0, None, 0.3)
-    part = _added(hand, _setting(hand))
+    part = _added(hand)
     shares = {link.other: link.conductance_W_K[9] for link in part.links if link.other in NODES}
     areas = {node: _PHONE.nodes[node].surface_m2 for node in _PHONE.surfaces}
     grip = sum(shares.values())
@@ -183,7 +182,7 @@ def test_a_contact_is_shared_by_area():
 
 def test_a_charger_warms_up_holds_and_tapers():
     charger = _HEAT[0]
-    course = _added(charger, _setting(charger)).terms[0].course
+    course = _added(charger).terms[0].course
     assert course[:300].max() == 0.0
     assert course[1201:].max() == 0.0
     assert course[310] < 0.4
@@ -208,7 +207,7 @@ def test_a_signal_is_zero_outside_its_window_and_alive_inside(name):
 
 def _ailing(effect, what, values, *further):
     """What an effect makes of the ``values`` that are felt, read or air."""
-    acting = _setting(effect, len(values)).with_hidden(effect, lambda: np.random.default_rng(1))
+    acting = _acting(effect, len(values), seed=1)
     return getattr(acting.effect, what)(acting, values, *further)
 
 

@@ -55,33 +55,24 @@ class Hidden:
         """The size as a number: zero where there is none."""
         return 0.0 if self.size is None else self.size
 
+    def lasting(self, time_s: Array, period_s: float) -> tuple[float, float]:
+        """From and to in a run of those samples; what lasts since ever does so before the recording, too."""
+        end_s = float(time_s[-1]) + period_s
+        start_s = float(time_s[0]) if self.onset_s <= 0.0 else self.onset_s
+        return start_s, end_s if self.end_s is None else min(self.end_s, end_s)
+
 
 @dataclass(frozen=True)
-class Setting:
-    """Where effects act: a device and n samples, from before the recording's 0 s on; signals by column, (n,)."""
+class Acting:
+    """One effect where it acts: a device and n samples, from before the recording's 0 s on; signals by column, (n,)."""
 
     device: Device
     time_s: Array
     period_s: float
     signals: Mapping[str, Array]
-
-    def lasting(self, hidden: Hidden) -> tuple[float, float]:
-        """From and to; what lasts since ever does so before the recording, too."""
-        end_s = float(self.time_s[-1]) + self.period_s
-        start_s = float(self.time_s[0]) if hidden.onset_s <= 0.0 else hidden.onset_s
-        return start_s, end_s if hidden.end_s is None else min(hidden.end_s, end_s)
-
-    def with_hidden(self, hidden: Hidden, random: Callable[[], np.random.Generator]) -> Acting:
-        """One effect in it; ``random`` gives the effect's own random numbers, from their beginning."""
-        return Acting(**vars(self), hidden=hidden, random=random)
-
-
-@dataclass(frozen=True)
-class Acting(Setting):
-    """One effect where it acts."""
-
     hidden: Hidden
     random: Callable[[], np.random.Generator]
+    """Gives the effect's own random numbers, from their beginning."""
 
     @property
     def effect(self) -> Effect:
@@ -94,9 +85,14 @@ class Acting(Setting):
         return None if self.hidden.signal is None else self.signals[self.hidden.signal]
 
     @property
+    def lasting(self) -> tuple[float, float]:
+        """From and to; what lasts since ever does so before the recording, too."""
+        return self.hidden.lasting(self.time_s, self.period_s)
+
+    @property
     def lasts(self) -> NDArray[np.bool_]:
         """When an effect that comes and goes at once is there."""
-        start_s, end_s = self.lasting(self.hidden)
+        start_s, end_s = self.lasting
         return (self.time_s >= start_s - 1e-9) & (self.time_s < end_s - 1e-9)
 
     @property

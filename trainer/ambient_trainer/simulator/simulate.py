@@ -17,7 +17,7 @@ from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.simulator.additions import Added, together
 from ambient_trainer.simulator.device import DEFAULT, Device, Zone, load_device
 from ambient_trainer.simulator.heat import HeatBalance
-from ambient_trainer.simulator.hidden import SOURCE, Acting, Hidden, Ran, Setting, faults, run_faults
+from ambient_trainer.simulator.hidden import SOURCE, Acting, Hidden, Ran, faults, run_faults
 from ambient_trainer.simulator.instruments import felt, probe_reading, zone_reading
 from ambient_trainer.simulator.run import Driven, Progress, Run, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import load_scenario
@@ -194,16 +194,14 @@ def planned(
     """A run ``of`` a scenario and a seed; what is hidden has random numbers of its own, by the name beside it."""
     seed = of[1]
     time_s: Array = (np.arange(len(run.air_degC), dtype=np.float64) - run.unrecorded) * period_s
-    bare = Setting(run.device, time_s, period_s, {})
     driving = (*(Hidden("", signal=name) for name in decoys), *(each for each, _ in hidden))
-    windows = {each.signal: bare.lasting(each) for each in driving}
+    windows = {each.signal: each.lasting(time_s, period_s) for each in driving}
     signals = {
         name: signal(name, time_s, (max(start_s, 0.0), end_s), stream(seed, f"signal {name}"))
         for name, (start_s, end_s) in windows.items()
         if name is not None
     }
-    setting = replace(bare, signals=signals)
-    acting = [setting.with_hidden(each, partial(stream, seed, name)) for each, name in hidden]
+    acting = [Acting(run.device, time_s, period_s, signals, each, partial(stream, seed, name)) for each, name in hidden]
     return Planned(*of, run, zones, acting, signals, gains or {})
 
 

@@ -31,7 +31,7 @@ class ClockOffset(Effect):
 
 def _ahead_s(acting: Acting) -> Array:
     """How far the reference's clock is ahead, shape (n,)."""
-    offset_s, middle_s = acting.hidden.amount, np.mean(acting.lasting(acting.hidden))
+    offset_s, middle_s = acting.hidden.amount, np.mean(acting.lasting)
     skew = acting.random().choice([-1.0, 1.0]) * _SKEW
     return np.where(acting.lasts & (offset_s != 0.0), offset_s + skew * (acting.time_s - middle_s), 0.0)
 

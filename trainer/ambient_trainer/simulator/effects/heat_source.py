@@ -50,7 +50,7 @@ class HeatSource(Effect):
 def _charger(acting: Acting) -> Array:
     """Warms up, holds, tapers when the cell is nearly full; an interruption starts the taper again."""
     if acting.driver is None:
-        on, (start_s, end_s) = acting.lasts, acting.lasting(acting.hidden)
+        on, (start_s, end_s) = acting.lasts, acting.lasting
         length_s = end_s - start_s
     else:
         on = acting.driver > 0.5

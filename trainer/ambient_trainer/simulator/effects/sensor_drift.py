@@ -22,13 +22,13 @@ class SensorDrift(Effect):
 
     def magnitude(self, ran: Ran) -> Figure:
         drifted_K = _drifted_K(ran)[ran.there]
-        since_h = (ran.time_s[ran.there] - ran.lasting(ran.hidden)[0]) / 3600.0
+        since_h = (ran.time_s[ran.there] - ran.lasting[0]) / 3600.0
         return slope(drifted_K, since_h), "K/h", {"at_the_end_K": (float(drifted_K[-1]), "K")}
 
 
 def _drifted_K(acting: Acting) -> Array:
     """How far a sensor has drifted: its rate times the hours, which are bent, shape (n,)."""
-    start_s, end_s = acting.lasting(acting.hidden)
+    start_s, end_s = acting.lasting
     passed_s = np.clip(acting.time_s - start_s, 0.0, end_s - start_s)
     return acting.hidden.amount * ((passed_s / (end_s - start_s)) ** _POWER * (end_s - start_s) / 3600.0)
 
