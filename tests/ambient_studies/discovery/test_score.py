@@ -21,7 +21,7 @@ from ambient_studies.discovery.figures import (
     two_at_once,
 )
 from ambient_studies.discovery.report import as_json
-from ambient_studies.discovery.score import place_in, score
+from ambient_studies.discovery.runner import place_in, score
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Step
 from ambient_trainer.simulator.device import load_device

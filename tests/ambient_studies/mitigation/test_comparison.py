@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ambient_studies.mitigation.comparison import identify
-from ambient_studies.mitigation.score import scores
+from ambient_studies.mitigation.comparison import identify, scores
 from ambient_studies.mitigation.setting import Knowledge, Room, room_of
 from ambient_trainer.data.trace import Trace
 

@@ -6,13 +6,11 @@ import numpy as np
 
 from ambient_studies.thesis.errata import text_errata
 from ambient_studies.thesis.methods import Method, Variant
-from ambient_studies.thesis.names import OURS, RELATED, TABLES
 from ambient_studies.thesis.outcome import Outcome
-from ambient_studies.thesis.published import MODELS, NONCAUSAL, Result
+from ambient_studies.thesis.published import MODELS, NONCAUSAL, OURS, RELATED, TABLES, Result
 from ambient_studies.thesis.report import report_of
 from ambient_studies.thesis.reproduction import EVALUATED, Reproduction, Runs
-from ambient_studies.thesis.rows import evaluate
-from ambient_studies.thesis.verdict import verdict
+from ambient_studies.thesis.rows import evaluate, verdict
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.report import Report
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import norm
 
 from ambient_studies.thesis.errata import computed_errata, text_errata
-from ambient_studies.thesis.printed import printed_models
+from ambient_studies.thesis.methods import printed_models
 from ambient_studies.thesis.published import published_parameters, published_results, sensor_statistics
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from scipy.signal import lsim
 
 from ambient_model.faults import Refused
-from ambient_studies.thesis.names import RELATED
+from ambient_studies.thesis.published import RELATED
 from ambient_studies.thesis.related import chau, he, ishii, li, related, related_methods
 from ambient_studies.thesis.related._samples import estimated
 from ambient_trainer.data.grid import Segment

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambient_studies.mitigation.comparison import SCENARIO, Comparison
+from ambient_studies.mitigation.comparison import SCENARIO, Comparison, Score, scores
 from ambient_studies.mitigation.loop import Record
-from ambient_studies.mitigation.score import Score, scores
 from ambient_studies.mitigation.setting import Knowledge, Setting
 from ambient_trainer.data import Array
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table, palette, plots

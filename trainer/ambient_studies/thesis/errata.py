@@ -7,9 +7,8 @@ from importlib import resources
 import numpy as np
 import yaml
 
-from ambient_studies.thesis.methods import fit_model
+from ambient_studies.thesis.methods import fit_model, printed_models
 from ambient_studies.thesis.moving_ambient import INPUTS, fit_with_moving_ambient
-from ambient_studies.thesis.printed import printed_models
 from ambient_studies.thesis.published import (
     CONSTANT_SCENARIOS,
     NONCAUSAL,

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ambient_studies.thesis.names import method_name
-from ambient_studies.thesis.published import MODELS
+from ambient_studies.thesis.published import MODELS, method_name
 from ambient_studies.thesis.reproduction import Reproduction
 from ambient_studies.thesis.rows import Row, like_published
 from ambient_trainer.data import Array, Trace

@@ -1,22 +1,25 @@
 """The thesis's models and our two observers, trained: as corrected, as printed, with published parameters, non-causal.
 
+A circuit holds a model's equations as corrected, over the states flash, battery and USB port. As printed, each misprint
+is put back where an erratum changes a model; nothing of that is fitted: it has the printed parameters.
+
 A causal estimate starts from equilibrium with the first sensor sample and never uses the reference.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Literal
 
 import numpy as np
 
 from ambient_model.trace import REFERENCE
 from ambient_studies import Progress
-from ambient_studies.thesis.printed import printed_models
 from ambient_studies.thesis.published import MODELS, NONCAUSAL, published_parameters
 from ambient_trainer.circuits import assemble, load_circuit
 from ambient_trainer.data import Array, Trace, sampling_period_s
 from ambient_trainer.estimators import Effort, Fit, estimate_degC, estimator
+from ambient_trainer.lti import StateSpace
 
 Variant = Literal["corrected", "as_printed", "noncausal", "published_parameters", "ours"]
 
@@ -27,6 +30,16 @@ More starts find deeper optima for model1_ss and model2_ss and leave errors that
 so does fitting in pieces.
 """
 
+_MISPRINTS = {
+    "model1_ss": "equation 4.9 with the sign of erratum 1",
+    "model1_ss_single_input": "equations 4.14 and 4.16 with the sign and the order of errata 1 and 3",
+    "model2_ss": "equation 4.21 and table 4.4 with the sign of erratum 1 and the w1 of erratum 6",
+    "model2_ss_single_input": "equations 4.25 and 4.27 with the sign, the missing capacitance and the order of errata "
+    "1, 2 and 3",
+    "model2_ss_free_cd": "equation 4.21 with the sign of erratum 1",
+    "linear_combined": "equation 4.34 in the order of erratum 5",
+}
+"""By model; the others are printed as they are meant."""
 _OBSERVERS = {
     "circuit_observer": "the nodes that the sensors read, each exchanging heat with the ambient, a random walk",
     "free_observer": "a free linear filter whose DC gains add up to one, its order selected on the training run",
@@ -111,3 +124,37 @@ def _without_mean_error(fit: Fit, trace: Trace) -> Array:
     """With an offset that is fitted to the reference of the very run under evaluation (erratum 9)."""
     found = fit.estimate_degC(trace)
     return found + np.nanmean(trace.column(REFERENCE) - found)
+
+
+@dataclass(frozen=True)
+class Printed:
+    """A model as printed: its state space, the trace columns that go into it, and what is wrong in it."""
+
+    system: StateSpace
+    inputs: tuple[str, ...]
+    about: str
+
+
+@cache
+def printed_models() -> Mapping[str, Printed]:
+    """The models that are printed with a misprint, by name."""
+    inputs = {model: load_circuit(model).inputs for model in _MISPRINTS}
+    battery, usb, flash = inputs["linear_combined"]
+    inputs["linear_combined"] = (usb, battery, flash)  # erratum 5: the coefficients in another order than the sensors
+    return {model: Printed(_system(model), inputs[model], about) for model, about in _MISPRINTS.items()}
+
+
+def _system(model: str) -> StateSpace:
+    circuit, values = load_circuit(model), published_parameters()[model].printed
+    meant = assemble(circuit, values).value
+    if model == "linear_combined":
+        return meant
+    A, B, C = meant.A.copy(), meant.B.copy(), meant.C
+    # erratum 1: in the battery's row the exchange with the USB port has the other sign
+    wrong = assemble(circuit, {**values, "R_battery_usb": -values["R_battery_usb"]}).value
+    A[1], B[1] = wrong.A[1], wrong.B[1]
+    if model == "model2_ss_single_input":  # erratum 2: a capacitance is missing
+        A[1, 2] *= values["C_battery"]
+    if model.endswith("single_input"):  # erratum 3: the conductances to the ambient in another order than the states
+        C = C[:, [0, 2, 1]]
+    return replace(meant, A=A, B=B, C=C)

@@ -5,8 +5,8 @@ from functools import partial
 
 from ambient_studies.thesis.errata import Erratum
 from ambient_studies.thesis.figures import error_figure, figure_sections
-from ambient_studies.thesis.names import VARIANTS, method_name
 from ambient_studies.thesis.outcome import Outcome, outcome_table
+from ambient_studies.thesis.published import VARIANTS, method_name
 from ambient_studies.thesis.reproduction import TRAINING, Reproduction, as_json
 from ambient_studies.thesis.tables import overview_table, scenario_sections
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table

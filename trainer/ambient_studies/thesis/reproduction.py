@@ -11,8 +11,7 @@ from ambient_studies import Progress
 from ambient_studies.thesis.errata import Erratum
 from ambient_studies.thesis.methods import Method, observer_methods, thesis_methods
 from ambient_studies.thesis.published import Results
-from ambient_studies.thesis.rows import Evaluated, evaluate
-from ambient_studies.thesis.verdict import Verdict, verdict
+from ambient_studies.thesis.rows import Evaluated, Verdict, evaluate, verdict
 from ambient_trainer.data import Trace
 from ambient_trainer.simulator import simulate_many
 

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from ambient_model.model import LEVELS_PERCENT
-from ambient_studies.thesis.names import OURS, RELATED, SCENARIOS, TABLES, VARIANTS, method_name
-from ambient_studies.thesis.published import MODELS, NONCAUSAL, Result
+from ambient_studies.thesis import published
+from ambient_studies.thesis.published import MODELS, OURS, RELATED, SCENARIOS, VARIANTS, Result, method_name
 from ambient_studies.thesis.rows import Row
 from ambient_trainer.report import Section, Table
 
@@ -50,7 +50,7 @@ def overview_table(rows: Sequence[Row]) -> Table:
 def _pair(scenario: str, rows: Sequence[Row]) -> Section:
     compared = [row for row in rows if row.model in MODELS and row.variant in ("corrected", "noncausal")]
     beside = [row for group in (RELATED, OURS) for row in rows if row.model in group]
-    errors, intervals = TABLES.get(scenario, (None, None))
+    errors, intervals = published.TABLES.get(scenario, (None, None))
     known = errors is not None
     sources = ("publ.", "sim.") if known else ("sim.",)
     lines = [*compared, *beside]
@@ -81,7 +81,7 @@ def _caption(number: int | None, what: str) -> str:
 def _label(row: Row) -> str:
     if row.variant == "noncausal":
         return f"{method_name(row.model)}, non-causal"
-    if row.model == NONCAUSAL:
+    if row.model == published.NONCAUSAL:
         return f"{method_name(row.model)}, causal"
     return method_name(row.model)
 

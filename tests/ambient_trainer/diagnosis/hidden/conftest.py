@@ -13,8 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from ambient_studies.discovery.cases import CAUSES, Case, baselines, simulated
 from ambient_studies.discovery.figures import Outcome
-from ambient_studies.discovery.runner import Bench, size_in_noise
-from ambient_studies.discovery.score import score
+from ambient_studies.discovery.runner import Bench, score, size_in_noise
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.diagnose import diagnose_changed, learn_known_good

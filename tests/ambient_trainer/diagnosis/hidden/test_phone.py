@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import uniform_filter1d
 
 from ambient_studies.discovery.cases import CAUSES, PERIOD_S
-from ambient_studies.discovery.score import ONSET_S
+from ambient_studies.discovery.runner import ONSET_S
 
 pytestmark = pytest.mark.slow
 """Each takes about 20 s of a processor; the discovery benchmark draws many more."""
