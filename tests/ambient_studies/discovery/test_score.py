@@ -9,17 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from ambient_studies.discovery.figures import (
-    Outcome,
-    Share,
-    confident_verdicts,
-    confusion,
-    detection_by_size,
-    false_alarms,
-    large_effects,
-    reliability,
-    two_at_once,
-)
+from ambient_studies.discovery.figures import Outcome, Share, confusion, detection_by_size, reliability, shares_of
 from ambient_studies.discovery.report import as_json
 from ambient_studies.discovery.runner import place_in, score
 from ambient_trainer.circuits.schema import load_circuit
@@ -169,23 +159,22 @@ def test_detection_goes_by_size():
     found = detection_by_size(cases, (0.0, 1.0, 2.0, 5.0, math.inf))
     assert [(each.low, each.high, each.middle) for each in found] == [(1.0, 2.0, 1.2), (5.0, math.inf, 5.0)]
     assert [(each.share.hits, each.share.cases) for each in found] == [(2, 3), (1, 1)]
-    assert large_effects(cases) == Share(1, 1)
+    assert shares_of(cases)["large_effects"] == Share(1, 1)
 
 
 def test_unknown_is_a_false_alarm_and_none_is_not():
-    assert false_alarms(
-        [outcome((), (UNKNOWN,)), outcome((), (NONE,)), outcome((), ()), outcome((DIE,), (DIE,))]
-    ) == Share(1, 3)
+    cases = [outcome((), (UNKNOWN,)), outcome((), (NONE,)), outcome((), ()), outcome((DIE,), (DIE,))]
+    assert shares_of(cases)["false_alarms"] == Share(1, 3)
 
 
 def test_of_two_effects_each_is_counted_in_any_order():
-    pairs = two_at_once(
+    pairs = shares_of(
         [
             outcome((DIE, CASE), (CASE, Cause("heat_source", "soc"))), outcome((DIE, CASE), (DIE, HAND)),
             outcome((DIE, CASE), ()), outcome((DIE, CASE), (HAND,)), outcome((DIE,), (DIE, CASE)),
         ]
     )  # fmt: skip
-    assert pairs == {"both": Share(1, 4), "at_least_one": Share(2, 4), "nothing": Share(1, 4)}
+    assert (pairs["both"], pairs["at_least_one"], pairs["nothing"]) == (Share(1, 4), Share(2, 4), Share(1, 4))
 
 
 def test_confidence_is_held_against_the_share_that_is_right():
@@ -198,7 +187,7 @@ def test_confidence_is_held_against_the_share_that_is_right():
     found = [(each.low, each.high, each.share.hits, each.share.cases) for each in reliability(cases)]
     assert found == [(0.5, 0.7, 1, 1), (0.95, 1.0, 2, 3)]
     assert reliability(cases)[1].middle == pytest.approx((0.95 + 0.97 + 1.0) / 3)
-    assert confident_verdicts(cases) == Share(2, 3)
+    assert shares_of(cases)["confident_verdicts"] == Share(2, 3)
     assert [right for _, _, right in cases[2].named] == [True, False]
 
 

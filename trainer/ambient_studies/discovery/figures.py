@@ -139,40 +139,24 @@ def _by_range(
     return tuple(found)
 
 
-def confident_verdicts(outcomes: Sequence[Outcome]) -> Share:
-    """The share of right ones among the first causes named with a confidence of ``CONFIDENT`` or more."""
-    return share_of(right for each in outcomes for _, sure, right in each.named[:1] if sure >= CONFIDENT)
+def shares_of(outcomes: Sequence[Outcome]) -> dict[str, Share]:
+    """The shares of the benchmark by name.
 
-
-def large_effects(outcomes: Sequence[Outcome]) -> Share:
-    """The share of correct ones where one large effect was hidden."""
-    return correct_of(single_effects(outcomes, LARGE_IN_NOISE))
-
-
-def false_alarms(outcomes: Sequence[Outcome]) -> Share:
-    """The share of cases without any effect in which a step was made, ``unknown`` included."""
-    return share_of(bool(_named(each.found)) for each in outcomes if not _named(each.true))
-
-
-def two_at_once(outcomes: Sequence[Outcome]) -> dict[str, Share]:
-    """Of the cases of two effects at once: both named, at least one, and nothing at all; only cause and place count."""
-    cases = [each for each in outcomes if len(each.true) == 2]
-    places = [[{(one.name, one.location) for one in side} for side in (each.true, each.found)] for each in cases]
+    Correct ones where one large effect was hidden; those with a step, ``unknown`` included, where nothing was; of two
+    effects at once both named, at least one, and nothing at all, where only cause and place count; and right ones among
+    the first causes named with a confidence of ``CONFIDENT`` or more.
+    """
+    pairs = [each for each in outcomes if len(each.true) == 2]
+    places = [[{(one.name, one.location) for one in side} for side in (each.true, each.found)] for each in pairs]
     named = [len(true & found) for true, found in places]
+    first = [each.named[0] for each in outcomes if each.named]
     return {
+        "large_effects": correct_of(single_effects(outcomes, LARGE_IN_NOISE)),
+        "false_alarms": share_of(bool(_named(each.found)) for each in outcomes if not _named(each.true)),
         "both": share_of(count == 2 for count in named),
         "at_least_one": share_of(count >= 1 for count in named),
-        "nothing": share_of(not _named(each.found) for each in cases),
-    }
-
-
-def shares_of(outcomes: Sequence[Outcome]) -> dict[str, Share]:
-    """The shares of the benchmark by name."""
-    return {
-        "large_effects": large_effects(outcomes),
-        "false_alarms": false_alarms(outcomes),
-        **two_at_once(outcomes),
-        "confident_verdicts": confident_verdicts(outcomes),
+        "nothing": share_of(not _named(each.found) for each in pairs),
+        "confident_verdicts": share_of(right for _, sure, right in first if sure >= CONFIDENT),
     }
 
 

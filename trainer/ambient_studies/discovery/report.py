@@ -10,20 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambient_studies.discovery.figures import (
-    CONFIDENT,
-    LARGE_IN_NOISE,
-    Outcome,
-    Range,
-    Share,
-    by_cause,
-    confusion,
-    correct_of,
-    detection_by_size,
-    median_of,
-    reliability,
-    shares_of,
-)
+from ambient_studies.discovery import figures
+from ambient_studies.discovery.figures import CONFIDENT, LARGE_IN_NOISE, Outcome, Range, Share
 from ambient_studies.discovery.runner import Done
 from ambient_trainer.diagnosis import digits, duration
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table, palette, plots
@@ -71,9 +59,15 @@ _DETECTION = (
 
 def report_of(outcomes: Sequence[Outcome], data: Mapping[str, Any]) -> Report:
     """What the benchmark shows; ``data`` is what ``--json`` writes."""
-    shares = shares_of(outcomes)
+    shares = figures.shares_of(outcomes)
     mix = [sum(len(each.true) == effects for each in outcomes) for effects in range(3)]
     seconds = [each.seconds for each in outcomes]
+    totals = Table("", ("hidden and found", "share (95 %)"), [(what, str(shares[key])) for key, what in _ROWS.items()])
+    confused = Figure(partial(_confusion_figure, outcomes), _CONFUSION) if outcomes else None
+    detection = Figure(partial(_detection_figure, outcomes), _DETECTION) if figures.single_effects(outcomes) else None
+    reliable: list[Figure | Table] = []
+    if figures.reliability(outcomes):
+        reliable = [Figure(partial(_reliability_figure, outcomes), _RELIABILITY), reliability_table(outcomes)]
     return Report(
         subject="Discovery benchmark, simulated",
         title=f"{len(outcomes):,} simulated cases: large effects right in {shares['large_effects']}",
@@ -88,24 +82,10 @@ def report_of(outcomes: Sequence[Outcome], data: Mapping[str, Any]) -> Report:
             ),
         ],
         sections=[
-            Section("Against what is asked", [*_asked(shares), totals_table(shares)]),
-            Section(
-                "What is taken for what",
-                [
-                    Figure(partial(_confusion_figure, outcomes), _CONFUSION) if outcomes else None,
-                    confusion_table(outcomes),
-                ],
-            ),
-            Section(
-                "How large an effect has to be",
-                [Figure(partial(_detection_figure, outcomes), _DETECTION)] if detection_by_size(outcomes) else [],
-            ),
-            Section(
-                "What confidence is worth",
-                [Figure(partial(_reliability_figure, outcomes), _RELIABILITY), reliability_table(outcomes)]
-                if reliability(outcomes)
-                else [],
-            ),
+            Section("Against what is asked", [*_asked(shares), totals]),
+            Section("What is taken for what", [confused, confusion_table(outcomes)]),
+            Section("How large an effect has to be", [detection]),
+            Section("What confidence is worth", reliable),
             Section("Cause by cause", [causes_table(outcomes)]),
         ],
         data=data,
@@ -118,27 +98,16 @@ def report_of(outcomes: Sequence[Outcome], data: Mapping[str, Any]) -> Report:
 
 def as_json(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     """The figures for a machine; a share without cases is null."""
-    matrix, shares = confusion(outcomes), {name: _share_data(each) for name, each in shares_of(outcomes).items()}
+    matrix = figures.confusion(outcomes)
+    shares = {name: _share_data(each) for name, each in figures.shares_of(outcomes).items()}
+    large = figures.by_cause(outcomes, LARGE_IN_NOISE)
     return {
         "cases": len(outcomes),
         **{name: shares[name] for name in ("large_effects", "false_alarms", "confident_verdicts")},
         "two_at_once": {name: shares[name] for name in ("both", "at_least_one", "nothing")},
-        "by_size": [
-            {
-                "from": each.low,
-                "to": each.high if math.isfinite(each.high) else None,
-                "median": each.middle,
-                **_share_data(each.share),
-            }
-            for each in detection_by_size(outcomes)
-        ],
-        "reliability": [
-            {"from": each.low, "to": each.high, "mean_confidence": each.middle, **_share_data(each.share)}
-            for each in reliability(outcomes)
-        ],
-        "by_cause": {
-            name: _share_data(correct_of(cases)) for name, cases in by_cause(outcomes, LARGE_IN_NOISE).items()
-        },
+        "by_size": [_range_data(each, "median") for each in figures.detection_by_size(outcomes)],
+        "reliability": [_range_data(each, "mean_confidence") for each in figures.reliability(outcomes)],
+        "by_cause": {name: _share_data(figures.correct_of(cases)) for name, cases in large.items()},
         "confusion": {"true": list(matrix.index), "found": list(matrix), "counts": matrix.to_numpy().tolist()},
     }
 
@@ -155,29 +124,27 @@ def case_json(done: Done) -> dict[str, Any]:
     }
 
 
-def totals_table(shares: Mapping[str, Share]) -> Table:
-    """The figures over all causes, one a row."""
-    return Table("", ("hidden and found", "share (95 %)"), [(what, str(shares[key])) for key, what in _ROWS.items()])
-
-
 def causes_table(outcomes: Sequence[Outcome]) -> Table:
     """One row a cause."""
     columns = ("hidden", "cases", "large ones right", "error of size", "of onset", "gain above zero")
-    large = by_cause(outcomes, LARGE_IN_NOISE)
-    rows = [(name, str(len(cases)), *_cause_cells(large[name])) for name, cases in by_cause(outcomes).items()]
+    large = figures.by_cause(outcomes, LARGE_IN_NOISE)
+    rows = [(name, str(len(cases)), *_cause_cells(large[name])) for name, cases in figures.by_cause(outcomes).items()]
     return Table(_CAUSES, columns, rows)
 
 
 def reliability_table(outcomes: Sequence[Outcome]) -> Table:
     """One row a range of confidence."""
-    rows = [(f"{each.low:g} to {each.high:g}", f"{each.middle:.2f}", str(each.share)) for each in reliability(outcomes)]
+    rows = [
+        (f"{each.low:g} to {each.high:g}", f"{each.middle:.2f}", str(each.share))
+        for each in figures.reliability(outcomes)
+    ]
     return Table("First causes named, by confidence.", ("confidence", "mean", "right (95 %)"), rows)
 
 
 def confusion_table(outcomes: Sequence[Outcome]) -> Table:
     """What each cause was taken for, one row each: a column for each would not fit a terminal."""
     rows = []
-    for name, counts in confusion(outcomes).to_dict("index").items():
+    for name, counts in figures.confusion(outcomes).to_dict("index").items():
         wrong = sorted(((count, other) for other, count in counts.items() if other != name and count), reverse=True)
         taken = ", ".join(f"{other} {count}" for count, other in wrong) or "-"
         rows.append((str(name), taken, str(sum(counts.values())), str(counts[name])))
@@ -186,10 +153,10 @@ def confusion_table(outcomes: Sequence[Outcome]) -> Table:
 
 def _cause_cells(large: Sequence[Outcome]) -> Iterator[str]:
     right = [each for each in large if each.correct]
-    size = median_of(each.magnitude_error_frac for each in right)
-    onset = median_of(each.onset_error_s for each in right)
+    size = figures.median_of(each.magnitude_error_frac for each in right)
+    onset = figures.median_of(each.onset_error_s for each in right)
     gains = [each.gain_ci for each in right if each.gain_ci is not None]
-    yield str(correct_of(large))
+    yield str(figures.correct_of(large))
     yield f"{digits(100 * size, 2)} %" if math.isfinite(size) else "-"
     yield duration(onset) if math.isfinite(onset) else "-"
     yield f"{sum(low > 0 for low, _ in gains)} of {len(gains)}" if gains else "-"
@@ -210,8 +177,13 @@ def _share_data(share: Share) -> dict[str, Any]:
     return {"share": share.value, "ci95": list(share.ci95), "hits": share.hits, "cases": share.cases}
 
 
+def _range_data(part: Range, middle: str) -> dict[str, Any]:
+    high = part.high if math.isfinite(part.high) else None
+    return {"from": part.low, "to": high, middle: part.middle, **_share_data(part.share)}
+
+
 def _confusion_figure(outcomes: Sequence[Outcome]) -> go.Figure:
-    matrix = confusion(outcomes)
+    matrix = figures.confusion(outcomes)
     true, found, counts = matrix.index.tolist(), matrix.columns.tolist(), matrix.to_numpy()
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     right = np.array(true)[:, None] == np.array(found)
@@ -239,7 +211,7 @@ def _shares_figure(x_title: str, x: Sequence[float], found: Sequence[Range]) -> 
 
 
 def _reliability_figure(outcomes: Sequence[Outcome]) -> go.Figure:
-    found = reliability(outcomes)
+    found = figures.reliability(outcomes)
     figure = _shares_figure("confidence [%]", [100 * each.middle for each in found], found)
     plots.add_curve(figure, [0, 100], [0, 100], "as stated", palette.LIMIT, dash="dash", width=1.6)
     figure.update_xaxes(range=[-3, 103], hoverformat=".0f")
@@ -247,7 +219,7 @@ def _reliability_figure(outcomes: Sequence[Outcome]) -> go.Figure:
 
 
 def _detection_figure(outcomes: Sequence[Outcome]) -> go.Figure:
-    found = detection_by_size(outcomes)
+    found = figures.detection_by_size(outcomes)
     sizes = [each.middle for each in found]
     figure = _shares_figure("size, in units of the noise", sizes, found)
     asked = 100 * _ASKED["large_effects"][1]
