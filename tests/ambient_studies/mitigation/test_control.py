@@ -7,7 +7,6 @@ import pytest
 
 from ambient_studies.mitigation.loop import skin_degC
 from ambient_trainer.simulator.device import load_device
-from ambient_trainer.simulator.instruments import felt, zone_reading
 from ambient_trainer.simulator.live import Sensors
 from ambient_trainer.simulator.run import Run, integrate, stream
 
@@ -23,7 +22,8 @@ def test_sensors_sample_by_sample_are_those_of_a_whole_run(period_s):
     readings = np.array([sensors.read(each) for each in nodes])
     for k, seed in enumerate(seeds):
         for column, zone in enumerate(ZONES):
-            expected = zone_reading(zone, felt(zone, PHONE, nodes[:, k], period_s), stream(seed, f"zone {zone.name}"))
+            noise = stream(seed, f"zone {zone.name}").standard_normal(len(nodes))
+            expected = zone.reported(PHONE.felt(zone, nodes[:, k], period_s), noise)
             assert readings[:, k, column] == pytest.approx(expected, abs=1e-9), zone.name
 
 

@@ -15,7 +15,6 @@ from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.simulator import load_device, simulate
-from ambient_trainer.simulator.instruments import felt, zone_reading
 from ambient_trainer.simulator.run import Run, integrate, stream
 
 from .sample_report import constant_model
@@ -94,10 +93,9 @@ def test_the_estimate_is_the_devices_recursion_on_the_open_loop_simulation(of, m
     run = Run(phone, float(record.air_degC[0]), record.air_degC, activity, np.ones(count), 0)
     driven = integrate([run], setting.period_s)[0]
     zones = phone_zones(model, "soc")
-    columns = [
-        zone_reading(zone, felt(zone, run.device, driven.nodes_degC, setting.period_s), stream(1, f"zone {zone.name}"))
-        for zone in zones
-    ]
+    noises = [stream(1, f"zone {zone.name}").standard_normal(count) for zone in zones]
+    felt = [phone.felt(zone, driven.nodes_degC, setting.period_s) for zone in zones]
+    columns = [zone.reported(*each) for zone, each in zip(zones, zip(felt, noises))]
     tracker = Tracker(model.main, nearest_discrete(model.main, setting.period_s))
     estimates = [tracker.update(k * setting.period_s, list(row)).ambient_degC for k, row in enumerate(zip(*columns))]
     assert [zone.name for zone in zones] == [each.name for each in model.main.inputs]

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from ambient_trainer.data.trace import load_trace, save_trace
-from ambient_trainer.simulator.chamber import Chamber, coloured, ramped, wobble
+from ambient_trainer.simulator.chamber import Chamber, Probes, coloured, ramped, wobble
 from ambient_trainer.simulator.device import Zone, device_path, load_constants, load_device, rounded, with_calibrated
-from ambient_trainer.simulator.instruments import felt_weights, probe_reading, zone_reading
 from ambient_trainer.simulator.live import ChamberAir
 from ambient_trainer.simulator.run import schedule
 from ambient_trainer.simulator.scenario import load_scenario, scenario_names
@@ -91,7 +90,7 @@ def test_about_fifty_zones_come_on_request_and_change_nothing_else():
     near = [zone for zone in zones if {zone.near, zone.beside} & {"soc", "board1"}]
     assert len(near) > len(zones) / 2
     for zone in zones:
-        assert felt_weights(zone, _PHONE).sum() == pytest.approx(1.0)
+        assert _PHONE.felt_weights(zone).sum() == pytest.approx(1.0)
     few, many = (simulate("2.5", seed=1, period_s=10.0, all_zones=every).trace for every in (False, True))
     assert len(many.columns) == len(few.columns) + len(_PHONE.zones) - len(_PHONE.sensors)
     assert all(np.array_equal(few.columns[name], many.columns[name]) for name in few.columns)
@@ -142,10 +141,10 @@ def test_instruments_round_and_err_as_stated():
     random = np.random.default_rng(7)
     flat = np.full(20_000, 21.234)
     zone = Zone(name="x", near="usb", sensor="thermistor", lag_s=1.0, offset_degC=0.5, noise_degC=0.03, step_degC=0.1)
-    reading = zone_reading(zone, flat, random)
+    reading = zone.reported(flat, random.standard_normal(len(flat)))
     assert sorted(set(reading.tolist())) == [21.6, 21.7, 21.8, 21.9]
     assert reading.mean() == pytest.approx(21.734, abs=0.01)
-    errors = [probe_reading(flat[:50], 1.0, random).mean() - 21.234 for _ in range(1000)]
+    errors = [Probes().reading(flat[:50], 1.0, random).mean() - 21.234 for _ in range(1000)]
     assert np.std(errors) == pytest.approx(0.1 / np.sqrt(4), rel=0.1)
 
 

@@ -26,12 +26,12 @@ from ambient_trainer.data import Trace
 from ambient_trainer.estimators import Effort, Fit, FreeFilterEstimator
 from ambient_trainer.simulator import (
     Planned,
+    Probes,
     Zone,
     load_device,
     load_scenario,
     logged,
     prepare,
-    probe_reading,
     stream,
 )
 
@@ -46,7 +46,7 @@ def training_trace(zone: Zone, period_s: float = 1.0, progress: Callable[[int, i
     phone = load_device()
     run = prepare(load_scenario(SCENARIO), SEED, period_s, phone)
     trace, driven, _ = logged([Planned(SCENARIO, SEED, run, [zone])], period_s, progress)[0]
-    skin = probe_reading(skin_degC(driven.nodes_degC), period_s, stream(SEED, "skin"))[run.unrecorded :]
+    skin = Probes().reading(skin_degC(driven.nodes_degC), period_s, stream(SEED, "skin"))[run.unrecorded :]
     sensor = f"{zone.name}_degC"
     columns = {sensor: trace.column(sensor), _AIR: trace.reference, _POWER: trace.column(_POWER), REFERENCE: skin}
     return replace(trace, columns=columns)

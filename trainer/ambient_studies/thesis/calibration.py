@@ -27,7 +27,7 @@ from ambient_trainer.circuits import assemble, load_circuit
 from ambient_trainer.data import Array
 from ambient_trainer.evaluation import Metrics, score
 from ambient_trainer.lti import dc_gain
-from ambient_trainer.simulator import Constant, Driven, felt, integrate, load_device, load_scenario, prepare
+from ambient_trainer.simulator import Constant, Driven, integrate, load_device, load_scenario, prepare
 
 SCENARIOS = (*CONSTANT_SCENARIOS, "3")
 """What candidates go through; 4 and 5 are left for the evaluation."""
@@ -98,9 +98,8 @@ def formula_errors(recorded: Mapping[str, Recorded]) -> dict[tuple[str, str], Me
 
 def _recorded(driven: Driven) -> Recorded:
     kept = slice(driven.run.unrecorded, None)
-    sensors = [
-        felt(zone, driven.run.device, driven.nodes_degC, PERIOD_S)[kept] for zone in driven.run.device.main_zones
-    ]
+    device = driven.run.device
+    sensors = [device.felt(zone, driven.nodes_degC, PERIOD_S)[kept] for zone in device.main_zones]
     return Recorded(driven.run.air_degC[kept], np.array(sensors))
 
 

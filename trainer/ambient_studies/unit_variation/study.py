@@ -44,7 +44,6 @@ from ambient_trainer.simulator import (
     load_scenario,
     logged,
     nominal,
-    prepare,
     stream,
     unit_run,
 )
@@ -62,7 +61,7 @@ _RESTING = Scenario(about=f"At rest at {CALIBRATION_DEGC:g} degC", before=(_SETT
 def run_of(unit: Unit, cased: bool, scenario: str, seed: int, period_s: float) -> Planned:
     """A unit in a shipped scenario, or at the rest during which it is calibrated; ``seed`` is of weather and noise."""
     asked = _RESTING if scenario == CALIBRATION else load_scenario(scenario)
-    return unit_run(unit, cased, (scenario, seed), prepare(asked, seed, period_s, unit.phone), period_s)
+    return unit_run(unit, cased, (scenario, seed), asked, period_s)
 
 
 DAYS = 7

@@ -1,6 +1,6 @@
 """Simulated devices and the scenarios they go through; everything that comes from here is simulated."""
 
-from ambient_trainer.simulator.chamber import coloured
+from ambient_trainer.simulator.chamber import Probes, coloured
 from ambient_trainer.simulator.device import (
     Constant,
     Device,
@@ -16,7 +16,6 @@ from ambient_trainer.simulator.fleet import Unit, drawn, nominal, unit_run
 from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.hidden import Hidden
 from ambient_trainer.simulator.hidden import effects as effect_kinds
-from ambient_trainer.simulator.instruments import felt, probe_reading, zone_reading
 from ambient_trainer.simulator.live import Sensors
 from ambient_trainer.simulator.run import Driven, Progress, Run, bursts, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario, scenario_names

@@ -19,6 +19,13 @@ class Probes(Strict):
     noise_degC: float = 0.02  # standard deviation; chosen
     digits: int = 3
 
+    def reading(self, air_degC: Array, period_s: float, random: np.random.Generator) -> Array:
+        """The mean of the probes in the air, each with its own constant calibration error, shape (n,)."""
+        calibration = self.calibration_degC * random.standard_normal(self.count)
+        noise = self.noise_degC * random.standard_normal((len(air_degC), self.count))
+        mean: Array = lagged(air_degC, self.lag_s, period_s) + (calibration + noise).mean(axis=1)
+        return np.round(mean, self.digits)
+
 
 class Chamber(Strict):
     """The chamber's air: the controller's ramp, its swing about the set point, and draughts."""

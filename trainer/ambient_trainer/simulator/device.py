@@ -17,6 +17,7 @@ from pydantic import Field
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_trainer.data.strict_yaml import Strict, load_yaml, shipped_path, validated
 from ambient_trainer.data.trace import Array
+from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator.chamber import Chamber
 
 Values = Mapping[str, float]
@@ -103,6 +104,11 @@ class Zone(Strict):
     step_degC: _Positive
     """What the reading is rounded to."""
 
+    def reported(self, felt_degC: Array, noise: Array) -> Array:
+        """What it reports with ``noise`` of unit variance, of the same shape."""
+        noisy = felt_degC + self.offset_degC + self.noise_degC * noise
+        return np.round(np.round(noisy / self.step_degC) * self.step_degC, 6)
+
 
 class SensorTolerance(Strict):
     """Error of offset (the sum of several) and of gain, as standard deviations or as bounds."""
@@ -186,6 +192,14 @@ class Device(Strict):
     def pattern(self, values: Values) -> Array:
         """``values`` by node as an array, shape (nodes,), zero where there is none."""
         return np.array([values.get(node, 0.0) for node in self.nodes])
+
+    def felt_weights(self, zone: Zone) -> Array:
+        """How much of every node a zone's sensor feels, shape (nodes,); they sum to one."""
+        return self.pattern({zone.near: 1.0 - zone.share, **({zone.beside: zone.share} if zone.beside else {})})
+
+    def felt(self, zone: Zone, nodes_degC: Array, period_s: float) -> Array:
+        """The temperature of a zone's sensor, shape (n,), from the nodes', shape (n, nodes)."""
+        return lagged(nodes_degC @ self.felt_weights(zone), zone.lag_s, period_s)
 
     def activity_index(self, load: Sequence[str]) -> int:
         """The index of what a step asks for: its one load, or idle; raises :class:`Refused` for an unknown one."""

@@ -19,7 +19,7 @@ from ambient_model.faults import refuse
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.device import Device, Tolerances, Zone, load_device
 from ambient_trainer.simulator.hidden import Hidden
-from ambient_trainer.simulator.run import Progress, Run, prepare, stream
+from ambient_trainer.simulator.run import Progress, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario
 from ambient_trainer.simulator.simulate import Planned, logged, planned
 from ambient_trainer.simulator.text import hidden_text, parse_hidden
@@ -120,14 +120,14 @@ def unit_run(
     unit: Unit,
     cased: bool,
     of: tuple[str, int],
-    run: Run,
+    scenario: Scenario,
     period_s: float,
     hidden: Sequence[tuple[Hidden, str]] = (),
     decoys: Sequence[str] = (),
 ) -> Planned:
-    """A unit in a run ``of`` a scenario and a seed, in its case since ever or bare, with what else is hidden in it."""
+    """A unit in a run ``of`` a scenario's name and a seed, in its case since ever or bare, with what else is hidden."""
     case = [(each, "case") for each in unit.case * cased]
-    return planned(of, run, unit.zones, period_s, [*hidden, *case], decoys, unit.gains)
+    return planned(of, scenario, unit.phone, unit.zones, period_s, [*hidden, *case], decoys, unit.gains)
 
 
 CASE_ON, CASE_OFF = "on", "off"
@@ -197,7 +197,7 @@ def _unit(
     unit = drawn(number, plan.seed, device.main_zones, device)
     cased = bool(stream(plan.seed, f"unit {number} cased").uniform() < plan.cased)
     seed = _RUNS_APART * (plan.seed + 1) + 10_000_019 * plan.run + number
-    run = prepare(_usage(scenario, seed, plan.minutes), seed, plan.period_s, unit.phone)
+    usage = _usage(scenario, seed, plan.minutes)
     named = [(each, f"hidden {each.cause} {each.location}") for each in hidden]
     truth = {
         "unit": f"u{number:05d}",
@@ -206,7 +206,7 @@ def _unit(
         "gain": dict(unit.gains),
         "hidden": [{"text": hidden_text(each), "cause": each.cause, "location": each.location} for each in hidden],
     }
-    return truth, unit_run(unit, cased, (plan.scenario, seed), run, plan.period_s, named, signals)
+    return truth, unit_run(unit, cased, (plan.scenario, seed), usage, plan.period_s, named, signals)
 
 
 def _usage(scenario: Scenario, seed: int, minutes: float | None) -> Scenario:

@@ -15,7 +15,6 @@ from ambient_trainer.lti.lag import lag_weights
 from ambient_trainer.simulator.chamber import Chamber, Probes
 from ambient_trainer.simulator.device import Device, Zone, load_device
 from ambient_trainer.simulator.heat import Demand, HeatBalance, advanced
-from ambient_trainer.simulator.instruments import felt_weights, reported
 from ambient_trainer.simulator.run import bursts, stream
 
 _STEP_S = 1.0
@@ -133,7 +132,7 @@ class Sensors:
 
     def __init__(self, devices: Sequence[Device], zones: Sequence[Zone], period_s: float, seeds: Sequence[int]) -> None:
         self._zones, self._seeds = tuple(zones), tuple(seeds)
-        self._weights = np.array([[felt_weights(zone, device) for zone in zones] for device in devices])
+        self._weights = np.array([[device.felt_weights(zone) for zone in zones] for device in devices])
         self._lag = lag_weights([zone.lag_s for zone in zones], period_s)
         self._random = {seed: [stream(seed, f"zone {zone.name}") for zone in zones] for seed in seeds}
         self._under: Array | None = None
@@ -144,7 +143,7 @@ class Sensors:
         self._felt: Array = self._under if before is None else self._lag.step(self._felt, before, self._under)
         drawn = {seed: [each.standard_normal() for each in random] for seed, random in self._random.items()}
         noise = np.array([drawn[seed] for seed in self._seeds])
-        columns = [reported(zone, self._felt[:, k], noise[:, k]) for k, zone in enumerate(self._zones)]
+        columns = [zone.reported(self._felt[:, k], noise[:, k]) for k, zone in enumerate(self._zones)]
         return np.stack(columns, axis=1)
 
 

@@ -18,9 +18,8 @@ from ambient_trainer.simulator.additions import Added, together
 from ambient_trainer.simulator.device import DEFAULT, Device, Zone, load_device
 from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.hidden import SOURCE, Acting, Hidden, Ran, faults, run_faults
-from ambient_trainer.simulator.instruments import felt, probe_reading, zone_reading
 from ambient_trainer.simulator.run import Driven, Progress, Run, integrate, prepare, stream
-from ambient_trainer.simulator.scenario import load_scenario
+from ambient_trainer.simulator.scenario import Scenario, load_scenario
 from ambient_trainer.simulator.signals import SIGNALS, signal
 from ambient_trainer.simulator.text import parse_hidden
 
@@ -150,17 +149,17 @@ def _logged(planned: Planned, period_s: float, driven: Driven, parts: Sequence[A
     columns: dict[str, Array] = {}
     for zone in planned.zones:
         here = [each for each in planned.acting if each.hidden.location == zone.name]
-        warm = felt(zone, device, driven.nodes_degC, period_s)
+        warm = device.felt(zone, driven.nodes_degC, period_s)
         warm = warm + planned.gains.get(zone.name, 0.0) * (warm - _GAIN_REFERENCE_DEGC)
         for each in here:
             warm = each.effect.felt(each, warm)
-        reading = zone_reading(zone, warm, stream(seed, f"zone {zone.name}"))
+        reading = zone.reported(warm, stream(seed, f"zone {zone.name}").standard_normal(len(warm)))
         for each in here:
             reading = each.effect.read(each, reading, zone.step_degC)
         columns[f"{zone.name}_degC"] = reading[kept]
     for each in planned.acting:
         air_degC = each.effect.air(each, air_degC)
-    columns[REFERENCE] = probe_reading(air_degC, period_s, stream(seed, "probes"), device.chamber.probes)[kept]
+    columns[REFERENCE] = device.chamber.probes.reading(air_degC, period_s, stream(seed, "probes"))[kept]
     columns[device.processor.logs] = np.round(driven.processor_W[kept], 3)
     for name, idle in device.activities[device.idle].logs.items():
         values = np.array([each.logs.get(name, idle) for each in device.activities.values()])
@@ -184,15 +183,17 @@ _Key = tuple[str, int, tuple[Hidden, ...]]
 
 def planned(
     of: tuple[str, int],
-    run: Run,
+    scenario: Scenario,
+    device: Device,
     zones: Sequence[Zone],
     period_s: float,
     hidden: Sequence[tuple[Hidden, str]],
     decoys: Sequence[str] = (),
     gains: Mapping[str, float] | None = None,
 ) -> Planned:
-    """A run ``of`` a scenario and a seed; what is hidden has random numbers of its own, by the name beside it."""
+    """A run ``of`` a scenario's name and a seed; what is hidden has its own random numbers, by the name beside it."""
     seed = of[1]
+    run = prepare(scenario, seed, period_s, device)
     time_s: Array = (np.arange(len(run.air_degC), dtype=np.float64) - run.unrecorded) * period_s
     driving = (*(Hidden("", signal=name) for name in decoys), *(each for each, _ in hidden))
     windows = {each.signal: each.lasting(time_s, period_s) for each in driving}
@@ -201,7 +202,7 @@ def planned(
         for name, (start_s, end_s) in windows.items()
         if name is not None
     }
-    acting = [Acting(run.device, time_s, period_s, signals, each, partial(stream, seed, name)) for each, name in hidden]
+    acting = [Acting(device, time_s, period_s, signals, each, partial(stream, seed, name)) for each, name in hidden]
     return Planned(*of, run, zones, acting, signals, gains or {})
 
 
@@ -209,8 +210,7 @@ def _planned(key: _Key, period_s: float, decoys: Sequence[str], device: Device, 
     scenario, seed, hidden = key
     # random numbers of each one's own, whatever its size and whatever else is hidden
     named = [(each, f"hidden {each.cause} {each.location} {each.signal} {each.onset_s:g}") for each in hidden]
-    run = prepare(load_scenario(scenario), seed, period_s, device)
-    return planned((scenario, seed), run, zones, period_s, named, decoys)
+    return planned((scenario, seed), load_scenario(scenario), device, zones, period_s, named, decoys)
 
 
 def _answered(key: _Key, done: Mapping[_Key, Logged], sizes: bool) -> Simulated:
