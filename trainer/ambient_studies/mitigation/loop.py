@@ -4,7 +4,7 @@ A governor gets its sensor, the estimate and the SoC's power; only with :attr:`K
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,7 +70,7 @@ def closed_loop(
     free, knowing = (
         np.array([each.knowledge is kind for each in cases]) for kind in (Knowledge.NOTHING, Knowledge.TRUTH)
     )
-    estimators = _Estimators(model, cases, names, setting.period_s)
+    update = _estimator(model, cases, names, setting.period_s)
     sensor = names.index(identified.sensor)
     time_s: Array = (np.arange(setting.samples, dtype=np.float64) - setting.idle_samples) * setting.period_s
     air_degC, outage = np.stack([run.air_degC for run in runs], axis=1), setting.outage
@@ -80,7 +80,7 @@ def closed_loop(
         readings, now_s = sensors.read(nodes_degC), float(time_s[k])
         if outage is not None and 60 * outage.from_min <= now_s < 60 * outage.to_min:
             readings[:, names.index(outage.sensor)] = np.nan
-        estimate, trusted = estimators.update(now_s, readings)
+        estimate, trusted = update(now_s, readings)
         known = np.where(trusted, estimate, np.where(knowing, air_degC[k], np.nan))
         cap_W = np.where(free, np.inf, governor.cap_W(readings[:, sensor], known, drawn_W))
         kept[:, k] = np.where(free, np.nan, governor.ambient_degC), estimate, trusted
@@ -105,29 +105,28 @@ def phone_zones(model: Model, sensor: str) -> list[Zone]:
     return [known[name] for name in dict.fromkeys([*(each.name for each in model.main.inputs), sensor])]
 
 
-class _Estimators:
-    """The model with its secondary estimator, on the readings of each phone whose governor uses the estimate."""
+def _estimator(
+    model: Model, cases: Sequence[Case], names: Sequence[str], period_s: float
+) -> Callable[[float, Array], tuple[Array, NDArray[np.bool_]]]:
+    """The model with its secondary estimator, on the readings of each phone whose governor uses the estimate.
 
-    def __init__(self, model: Model, cases: Sequence[Case], names: Sequence[str], period_s: float) -> None:
-        discrete = nearest_discrete(model.main, period_s)
-        self._picks = [names.index(each.name) for each in model.main.inputs]
-        self._observers = {
-            index: Observer(model, Tracker(model.main, discrete))
-            for index, case in enumerate(cases)
-            if case.knowledge is Knowledge.ESTIMATE
-        }
-        self._size = len(cases)
+    From a time and readings to the estimates, NaN for none, and whether they are trusted, both of shape (batch,).
+    """
+    discrete = nearest_discrete(model.main, period_s)
+    picks = [names.index(each.name) for each in model.main.inputs]
+    estimating = [index for index, case in enumerate(cases) if case.knowledge is Knowledge.ESTIMATE]
+    observers = {index: Observer(model, Tracker(model.main, discrete)) for index in estimating}
 
-    def update(self, now_s: float, readings: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """The estimates now, NaN for none, and whether they are trusted, both of shape (batch,)."""
-        estimates, trusted = np.full(self._size, np.nan), np.zeros(self._size, dtype=np.bool_)
-        for index, observer in self._observers.items():
-            row = readings[index, self._picks].tolist()
+    def update(now_s: float, readings: Array) -> tuple[Array, NDArray[np.bool_]]:
+        estimates, trusted = np.full(len(cases), np.nan), np.zeros(len(cases), dtype=np.bool_)
+        for index, observer in observers.items():
+            row = readings[index, picks].tolist()
             estimate = observer.update(now_s, [None if value != value else value for value in row])
             if estimate.ambient_degC is not None:
-                estimates[index] = estimate.ambient_degC
-                trusted[index] = estimate.status in TRUSTED
+                estimates[index], trusted[index] = estimate.ambient_degC, estimate.status in TRUSTED
         return estimates, trusted
+
+    return update
 
 
 def _run(case: Case, setting: Setting) -> Run:

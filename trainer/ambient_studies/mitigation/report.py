@@ -73,27 +73,23 @@ def report_of(comparison: Comparison) -> Report:
 def score_table(scored: Sequence[Score], setting: Setting) -> Table:
     """The scores as a table."""
     names = governor_names(setting)
-    rows = [
-        (
-            each.room,
-            names[each.knowledge],
-            f"{each.max_skin_degC:.1f}",
-            f"{each.p95_skin_degC:.1f}",
-            f"{each.above_limit_min:.1f}",
-            f"{each.soc_W:.2f}",
-            f"{100 * each.work_frac:.0f} %",
-            "-" if each.estimate_rmse_degC is None else f"{each.estimate_rmse_degC:.2f}",
-        )
-        for each in scored
-    ]
-    columns = ("room", "governor", "max skin", "95 % skin", "min above", "SoC [W]", "work", "RMSE")
+    columns: dict[str, Callable[[Score], str]] = {
+        "room": lambda each: each.room,
+        "governor": lambda each: names[each.knowledge],
+        "max skin": lambda each: f"{each.max_skin_degC:.1f}",
+        "95 % skin": lambda each: f"{each.p95_skin_degC:.1f}",
+        "min above": lambda each: f"{each.above_limit_min:.1f}",
+        "SoC [W]": lambda each: f"{each.soc_W:.2f}",
+        "work": lambda each: f"{100 * each.work_frac:.0f} %",
+        "RMSE": lambda each: "-" if each.estimate_rmse_degC is None else f"{each.estimate_rmse_degC:.2f}",
+    }
     caption = (
         f"Simulated. {setting.work_min:g} min of {setting.workload}; temperatures in degC. Skin: the hottest of "
         f"display, back and frame; max: of all runs; 95 %: percentile over time. Min above: minutes above "
         f"{setting.limit_degC:g} degC. Work: the SoC's energy above standby, as a share of that without a governor. "
         "RMSE: of the estimate."
     )
-    return Table(caption, columns, rows, labels=2)
+    return Table(caption, [*columns], [[of(each) for of in columns.values()] for each in scored], labels=2)
 
 
 def verdict(scored: Sequence[Score], setting: Setting) -> list[str]:

@@ -1,6 +1,6 @@
 """How well the simulated phone meets the published figures, from the traces that it writes."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from threadpoolctl import threadpool_limits
@@ -65,23 +65,20 @@ def report_of(compared: Sequence[Outcome], rows: Sequence[Row], fitted: str = ""
 
 def outcome_table(found: Sequence[Outcome]) -> Table:
     """The residuals of the calibration, one a row."""
-    rows = tuple(
-        (
-            each.scenario,
-            each.sensor,
-            each.figure,
-            f"{each.published_degC:.2f}",
-            f"{each.simulated_degC:.2f}",
-            f"{each.difference_degC:+.2f}",
-            "yes" if each.within else "NO",
-        )
-        for each in found
-    )
+    columns: dict[str, Callable[[Outcome], str]] = {
+        "scenario": lambda each: each.scenario,
+        "sensor": lambda each: each.sensor,
+        "figure": lambda each: each.figure,
+        "published": lambda each: f"{each.published_degC:.2f}",
+        "simulated": lambda each: f"{each.simulated_degC:.2f}",
+        "difference": lambda each: f"{each.difference_degC:+.2f}",
+        "within": lambda each: "yes" if each.within else "NO",
+    }
     caption = (
         f"degC. Within the bar ({MEAN_BAR_DEGC:g} degC for a mean, {STD_BAR_FRAC:.0%} for a standard deviation): "
         f"{sum(each.within for each in found)} of {len(found)}."
     )
-    return Table(caption, ("scenario", "sensor", "figure", "published", "simulated", "difference", "within"), rows)
+    return Table(caption, [*columns], [[of(each) for of in columns.values()] for each in found])
 
 
 def ranked(device: Device, seed: int, progress: Progress) -> list[Row]:

@@ -15,20 +15,10 @@ import numpy as np
 from joblib import delayed
 from threadpoolctl import threadpool_limits
 
+from ambient_model import unit_offset
 from ambient_model.model import Model
 from ambient_model.observer import Observer
 from ambient_model.tracking import Estimate, Tracker, nearest_discrete
-from ambient_model.unit_offset import (
-    LEARNING,
-    OffsetPrior,
-    SensorOffsets,
-    estimate_variance_degC2,
-    initial,
-    learning_sensors,
-    predicted,
-    sensors_updated,
-    updated,
-)
 from ambient_model.validation import Validation
 from ambient_studies import Progress
 from ambient_studies.mitigation.loop import phone_zones
@@ -84,24 +74,25 @@ def learnt(model: Model, number: int, seed: int, days: Sequence[Trace], lie_degC
     A reading at a random moment of the last ten minutes is the ambient, a normal error of ``READING_SIGMA_DEGC``, and
     ``lie_degC``. It counts as on the device: in the same statuses, and within the gate.
     """
-    random, prior = stream(seed, f"unit {number} readings"), OffsetPrior()
+    random, prior = stream(seed, f"unit {number} readings"), unit_offset.OffsetPrior()
     gains = model.readings.offset_gains if model.readings else ()
     if model.readings and gains:
-        prior = learning_sensors(prior, model.readings)
-    state, sensors, found = initial(prior), SensorOffsets((0.0,) * len(model.main.inputs)), []
+        prior = unit_offset.learning_sensors(prior, model.readings)
+    state, sensors = unit_offset.initial(prior), unit_offset.SensorOffsets((0.0,) * len(model.main.inputs))
+    found = []
     for day, trace in enumerate(days):
         first = int(np.searchsorted(trace.time_s, 60 * ON_BEFORE_MIN))
         at = int(random.integers(first, len(trace.time_s)))
         reading_degC = trace.reference[at] + random.normal(0.0, READING_SIGMA_DEGC) + lie_degC
-        state = predicted(prior, state, day * _DAY_S)
+        state = unit_offset.predicted(prior, state, day * _DAY_S)
         estimate, validation = _at(model, _without(model, trace, sensors.degC), at)
-        if estimate.status in LEARNING and estimate.ambient_degC is not None:
+        if estimate.status in unit_offset.LEARNING and estimate.ambient_degC is not None:
             seen, y = sensors, reading_degC - estimate.ambient_degC
             if gains and validation and (slow_degC := validation.slow_differences(sensors.degC)):
-                seen = sensors_updated(prior, sensors, gains, slow_degC)
+                seen = unit_offset.sensors_updated(prior, sensors, gains, slow_degC)
                 y += float(np.dot(validation.gains, np.subtract(seen.degC, sensors.degC)))
-            R = READING_SIGMA_DEGC**2 + estimate_variance_degC2(estimate, _LEVEL_PERCENT, prior.std_degC**2)
-            after = updated(prior, state, y, R)
+            variance_degC2 = unit_offset.estimate_variance_degC2(estimate, _LEVEL_PERCENT, prior.std_degC**2)
+            after = unit_offset.updated(prior, state, y, READING_SIGMA_DEGC**2 + variance_degC2)
             state, sensors = (state, sensors) if after is None else (after, seen)
         found.append(Learnt(state.offset_degC, sensors.degC))
     return found
