@@ -4,7 +4,7 @@ Of 20 cases 3 hide nothing, 13 one effect and 4 two at once. Single effects go t
 ``SCALES``; two are of the two larger ones, at different places, and of different causes. Every trace has decoys.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -93,19 +93,14 @@ def _effects(number: int, random: np.random.Generator, device: str) -> tuple[Hid
     duration_s = load_scenario(scenario_of(device)).duration_s
     hidden = partial(draw_hidden, random, duration_s=duration_s, device=load_device(device))
     if wanted == 2:
-        return next(pair for pair in _pairs(random, hidden) if _apart(*pair))
+        while True:
+            causes = random.choice(CAUSES, 2, replace=False)
+            one, other = (hidden(str(cause), scale=float(random.choice(_PAIR_SCALES))) for cause in causes)
+            if _apart(one, other):
+                return one, other
     rounds, rest = divmod(number, len(_PATTERN))
     place = rounds * _PATTERN.count(1) + _PATTERN[:rest].count(1)
     return (hidden(CAUSES[place % len(CAUSES)], scale=SCALES[place // len(CAUSES) % len(SCALES)]),)
-
-
-def _pairs(random: np.random.Generator, hidden: Callable[..., Hidden]) -> Iterator[tuple[Hidden, Hidden]]:
-    while True:
-        one, other = random.choice(CAUSES, 2, replace=False)
-        yield (
-            hidden(str(one), scale=float(random.choice(_PAIR_SCALES))),
-            hidden(str(other), scale=float(random.choice(_PAIR_SCALES))),
-        )
 
 
 def _apart(one: Hidden, other: Hidden) -> bool:

@@ -29,6 +29,7 @@ _STYLES = {
     Knowledge.ESTIMATE: (palette.BLUE, 1.6),
 }
 """Colour and width, widest first: curves below stay visible as a rim where they coincide."""
+_IDENTIFIED = ("rmse_degC", "margin_K", "resistance_K_W", "time_constant_s")
 _ABOUT = (
     "One governor caps the processor of a simulated phone so that its skin stays below a limit. The rows differ only "
     "in the ambient that the governor uses: an assumption, the estimate that the device's own recursion makes of the "
@@ -133,10 +134,7 @@ def as_data(comparison: Comparison, scored: Sequence[Score]) -> dict[str, Any]:
         "governor": {
             "sensor": identified.sensor,
             "rest_gains": dict(zip((identified.sensor, "ambient"), identified.dc_gains)),
-            "rmse_degC": identified.rmse_degC,
-            "margin_K": identified.margin_K,
-            "resistance_K_W": identified.resistance_K_W,
-            "time_constant_s": identified.time_constant_s,
+            **{name: getattr(identified, name) for name in _IDENTIFIED},
         },
         "rows": [
             {

@@ -5,7 +5,7 @@ None. What agrees with the thesis and what does not is put into sentences.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 
@@ -146,49 +146,33 @@ def verdict(rows: Sequence[Row]) -> Verdict:
         f"correlation of {_shown(correlation)}; {near} simulated figures lie within a factor of {_FAR:g} of the "
         "published ones."
     )
-    shortfalls = (*_correlations(correlation, causal), *_winners(compared), *_strays(compared))
+    shortfalls = tuple(_shortfalls(compared, correlation, causal))
     return Verdict(correlation, causal, len(compared), near, headline, shortfalls)
 
 
-def _correlations(correlation: float | None, causal: float | None) -> list[str]:
-    lines = []
+def _shortfalls(rows: Sequence[Row], correlation: float | None, causal: float | None) -> Iterator[str]:
+    """What ranks unlike, another best model, and pairs that differ by more than a factor of two, farthest first."""
     if correlation is None or correlation < WANTED_SPEARMAN:
-        lines.append(f"The rank correlation of {_shown(correlation)} falls short of the wanted {WANTED_SPEARMAN}.")
+        yield f"The rank correlation of {_shown(correlation)} falls short of the wanted {WANTED_SPEARMAN}."
     if causal is not None:
-        lines.append(
+        yield (
             f"With Model 1 state-space single input evaluated causally too, as a device must, it is {causal:.2f}: the "
             "published figures of that model have seen the reference (erratum 9)."
         )
-    return lines
-
-
-def _winners(rows: Sequence[Row]) -> list[str]:
-    lines = []
     for scenario in SCENARIOS:
         here = [(row.published, row.reproduced, row.model) for row in rows if row.scenario == scenario]
-        known = [(one.rmse_degC, other.rmse_degC, model) for one, other, model in here if one and other]
+        known = [(one.rmse_degC, other.rmse_degC, method_name(model)) for one, other, model in here if one and other]
         if known:
             published, simulated = (min(known, key=itemgetter(column))[2] for column in (0, 1))
             if published != simulated:
-                lines.append(
-                    f"Scenario {scenario}: the thesis's best is {method_name(published)}, the simulated phone's "
-                    f"{method_name(simulated)}."
-                )
-    return lines
-
-
-def _strays(rows: Sequence[Row]) -> list[str]:
-    """The pairs that differ by more than a factor of two, farthest first."""
+                yield f"Scenario {scenario}: the thesis's best is {published}, the simulated phone's {simulated}."
     far = [(row.ratio, row) for row in rows if row.ratio is not None and not 1 / _FAR <= row.ratio <= _FAR]
-    far.sort(key=lambda each: -max(each[0], 1 / max(each[0], 1e-12)))
-    lines = [
-        f"Scenario {row.scenario}, {method_name(row.model)}: RMSE {row.reproduced.rmse_degC:.2f} degC simulated, "
-        f"{row.published.rmse_degC:.2f} published."
-        for _, row in far
-        if row.reproduced and row.published
-    ]
+    for _, row in sorted(far, key=lambda each: -max(each[0], 1 / max(each[0], 1e-12))):
+        if row.reproduced and row.published:
+            errors = f"{row.reproduced.rmse_degC:.2f} degC simulated, {row.published.rmse_degC:.2f} published"
+            yield f"Scenario {row.scenario}, {method_name(row.model)}: RMSE {errors}."
     lost = [row for row in rows if row.reproduced is None]
-    return [*lines, *(f"Scenario {row.scenario}, {method_name(row.model)}: no finite figure." for row in lost)]
+    yield from (f"Scenario {row.scenario}, {method_name(row.model)}: no finite figure." for row in lost)
 
 
 def _shown(correlation: float | None) -> str:
