@@ -16,20 +16,14 @@ import numpy as np
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
-from ambient_studies.thesis.published import (
-    CONSTANT_SCENARIOS,
-    SensorStatistics,
-    published_parameters,
-    published_results,
-    sensor_statistics,
-)
+from ambient_studies.thesis import published as thesis
 from ambient_trainer.circuits import assemble, load_circuit
 from ambient_trainer.data import Array
 from ambient_trainer.evaluation import Metrics, score
 from ambient_trainer.lti import dc_gain
 from ambient_trainer.simulator import Constant, Driven, integrate, load_device, load_scenario, prepare
 
-SCENARIOS = (*CONSTANT_SCENARIOS, "3")
+SCENARIOS = (*thesis.CONSTANT_SCENARIOS, "3")
 """What candidates go through; 4 and 5 are left for the evaluation."""
 
 FORMULAS = ("linear_battery", "linear_usb", "linear_flash", "linear_combined", "model1_kirchhoff", "model2_ss_free_cd")
@@ -59,7 +53,7 @@ def formulas() -> dict[str, Formula]:
     found = {}
     for model in FORMULAS:
         circuit = load_circuit(model)
-        system = assemble(circuit, published_parameters()[model].corrected).value
+        system = assemble(circuit, thesis.published_parameters()[model].corrected).value
         gains = np.zeros(len(_SENSORS))
         gains[[_SENSORS.index(column.removesuffix("_degC")) for column in circuit.inputs]] = dc_gain(system)[0]
         found[model] = Formula(gains, float(system.offset[0]))
@@ -77,12 +71,12 @@ def record(candidates: Sequence[Mapping[str, float]], seed: int) -> list[dict[st
     return [dict(zip(SCENARIOS, recorded[start : start + size])) for start in range(0, len(recorded), size)]
 
 
-def statistics(recorded: Mapping[str, Recorded]) -> dict[tuple[str, str], SensorStatistics]:
+def statistics(recorded: Mapping[str, Recorded]) -> dict[tuple[str, str], thesis.SensorStatistics]:
     """Mean and standard deviation by scenario and sensor, for all that were published."""
     found = {}
-    for scenario, sensor in sensor_statistics():
+    for scenario, sensor in thesis.sensor_statistics():
         values = recorded[scenario].sensors_degC[_SENSORS.index(sensor)]
-        found[scenario, sensor] = SensorStatistics(float(values.mean()), float(values.std()))
+        found[scenario, sensor] = thesis.SensorStatistics(float(values.mean()), float(values.std()))
     return found
 
 
@@ -92,7 +86,7 @@ def formula_errors(recorded: Mapping[str, Recorded]) -> dict[tuple[str, str], Me
         (scenario, model): score(air_degC - gains @ sensors_degC - offset)
         for scenario, (air_degC, sensors_degC) in recorded.items()
         for model, (gains, offset) in formulas().items()
-        if (scenario, model) in published_results()
+        if (scenario, model) in thesis.published_results()
     }
 
 
@@ -131,13 +125,13 @@ def residuals(recorded: Mapping[str, Recorded]) -> Array:
     """The misfits of a candidate's recordings to the published figures, in the units above."""
     misfits = []
     simulated = statistics(recorded)
-    for key, published in sensor_statistics().items():
+    for key, published in thesis.sensor_statistics().items():
         misfits.append((simulated[key].mean_degC - published.mean_degC) / MEAN_DEGC)
         if published.std_degC is not None:
             misfits.append(np.log((simulated[key].std_degC or np.nan) / published.std_degC) / STD_FRAC)
     for (scenario, model), errors in formula_errors(recorded).items():
-        wanted = published_results()[scenario, model]
-        weight = FORMULA_WEIGHT if scenario in CONSTANT_SCENARIOS else 1.0
+        wanted = thesis.published_results()[scenario, model]
+        weight = FORMULA_WEIGHT if scenario in thesis.CONSTANT_SCENARIOS else 1.0
         misfits += [
             weight * np.log(errors.rmse_degC / wanted.rmse_degC) / RMSE_FRAC,
             weight * np.log(errors.mae_degC / wanted.mae_degC) / MAE_FRAC,

@@ -7,16 +7,9 @@ from importlib import resources
 import numpy as np
 import yaml
 
+from ambient_studies.thesis import published as thesis
 from ambient_studies.thesis.methods import fit_model, printed_models
 from ambient_studies.thesis.moving_ambient import INPUTS, fit_with_moving_ambient
-from ambient_studies.thesis.published import (
-    CONSTANT_SCENARIOS,
-    NONCAUSAL,
-    Result,
-    published_parameters,
-    published_results,
-    sensor_statistics,
-)
 from ambient_trainer.circuits import assemble, load_circuit
 from ambient_trainer.data import Array, Trace
 from ambient_trainer.estimators import estimate_degC
@@ -109,9 +102,9 @@ def _sign() -> Iterator[Figure]:
     yield Figure("idle estimate at 20 degC, printed", float(gains["printed"] @ _means("1", sensors)), "degC")
     corrected = dict(zip(sensors, gains["corrected"].tolist()))
     display = corrected.pop("display")
-    for scenario in CONSTANT_SCENARIOS:
-        estimate = _TRUTH_DEGC - published_results()[scenario, model].mbe_degC
-        others = sum(gain * sensor_statistics()[scenario, name].mean_degC for name, gain in corrected.items())
+    for scenario in thesis.CONSTANT_SCENARIOS:
+        estimate = _TRUTH_DEGC - thesis.published_results()[scenario, model].mbe_degC
+        others = sum(gain * thesis.sensor_statistics()[scenario, name].mean_degC for name, gain in corrected.items())
         implied = (estimate - others) / display
         yield Figure(f"display mean implied in scenario {scenario}, corrected", implied, "degC")
 
@@ -137,28 +130,30 @@ def _order_of_sensors() -> Iterator[Figure]:
     for what, system in _systems(model).items():
         estimate = float(system.D[0] @ _means("2.1", _sensors(inputs[what])) + system.offset[0])
         yield Figure(names[what], _TRUTH_DEGC - estimate, "degC")
-    yield Figure("mean error, published", published_results()["2.1", model].mbe_degC, "degC")
+    yield Figure("mean error, published", thesis.published_results()["2.1", model].mbe_degC, "degC")
 
 
 def _weight() -> Iterator[Figure]:
-    published, circuit = published_parameters()["model2_ss"], load_circuit("model2_ss")
+    published, circuit = thesis.published_parameters()["model2_ss"], load_circuit("model2_ss")
     for what, values in (("printed", published.printed), ("corrected", published.corrected)):
         idle = float(dc_gain(assemble(circuit, values).value)[0] @ _means("1", _sensors(circuit.inputs)))
         yield Figure(f"w1, {what}", values["w1"])
         yield Figure(f"sum of the weights, {what}", values["w1"] + values["w2"] + values["w3"])
         yield Figure(f"idle estimate at 20 degC, {what}", idle, "degC")
-    yield Figure("idle RMSE, published", published_results()["1", "model2_ss"].rmse_degC, "degC")
+    yield Figure("idle RMSE, published", thesis.published_results()["1", "model2_ss"].rmse_degC, "degC")
 
 
 def _objective() -> Iterator[Figure]:
-    single = [result for (_, model), result in published_results().items() if model == NONCAUSAL]
+    single = [result for (_, model), result in thesis.published_results().items() if model == thesis.NONCAUSAL]
     yield Figure("largest mean error of Model 1 single input", max(abs(each.mbe_degC) for each in single), "degC")
     yield Figure("its largest RMSE", max(each.rmse_degC for each in single), "degC")
 
 
 def _offset() -> Iterator[Figure]:
     for what, single in (("scenarios", True), ("results of the other models", False)):
-        found = [each for (_, model), each in published_results().items() if (model == NONCAUSAL) == single]
+        found = [
+            each for (_, model), each in thesis.published_results().items() if (model == thesis.NONCAUSAL) == single
+        ]
         yield Figure(what, len(found))
         yield Figure("with mean error 0.00 and symmetric intervals", sum(map(_symmetric, found)))
 
@@ -166,21 +161,21 @@ def _offset() -> Iterator[Figure]:
 def _missing_loss() -> Iterator[Figure]:
     model = "model2_ss_single_input"
     gain = float(dc_gain(_systems(model)["corrected"])[0][0])
-    idle = _TRUTH_DEGC - gain * sensor_statistics()["1", "display"].mean_degC
+    idle = _TRUTH_DEGC - gain * thesis.sensor_statistics()["1", "display"].mean_degC
     yield Figure("DC gain of the display in Model 2 single input", gain)
     yield Figure("mean error implied when idle", idle, "degC")
-    yield Figure("mean error when idle, published", published_results()["1", model].mbe_degC, "degC")
+    yield Figure("mean error when idle, published", thesis.published_results()["1", model].mbe_degC, "degC")
 
 
 def _quoted() -> Iterator[Figure]:
     yield Figure("MAE of Model 2 random C & D in section 5.3", 0.90, "degC")
-    yield Figure("in table 5.1", published_results()["4", "model2_ss_free_cd"].mae_degC, "degC")
-    yield Figure("scenarios with results", len({scenario for scenario, _ in published_results()}))
+    yield Figure("in table 5.1", thesis.published_results()["4", "model2_ss_free_cd"].mae_degC, "degC")
+    yield Figure("scenarios with results", len({scenario for scenario, _ in thesis.published_results()}))
 
 
 def _systems(model: str) -> dict[str, StateSpace]:
     """A model as printed and as corrected, both with the printed parameters."""
-    corrected = assemble(load_circuit(model), published_parameters()[model].printed).value
+    corrected = assemble(load_circuit(model), thesis.published_parameters()[model].printed).value
     return {"printed": printed_models()[model].system, "corrected": corrected}
 
 
@@ -189,10 +184,10 @@ def _sensors(columns: Sequence[str]) -> list[str]:
 
 
 def _means(scenario: str, sensors: Sequence[str]) -> Array:
-    return np.array([sensor_statistics()[scenario, name].mean_degC for name in sensors])
+    return np.array([thesis.sensor_statistics()[scenario, name].mean_degC for name in sensors])
 
 
-def _symmetric(result: Result) -> bool:
+def _symmetric(result: thesis.Result) -> bool:
     return result.mbe_degC == 0 and all(low == -high for low, high in result.interval_degC.values())
 
 

@@ -90,14 +90,9 @@ def error_figure(rows: Sequence[Row]) -> go.Figure:
     edges = [value for _, *pair in points for value in pair]
     low, high = 0.7 * min(edges, default=0.1), 1.4 * max(edges, default=10.0)
     for factor, dash in ((1.0, "solid"), (2.0, "dot"), (0.5, "dot")):
-        figure.add_scatter(
-            x=[low, high],
-            y=[low * factor, high * factor],
-            mode="lines",
-            hoverinfo="skip",
-            showlegend=False,
-            line={"color": palette.AXIS, "dash": dash, "width": 1.2},
-        )
+        ends = {"x": [low, high], "y": [low * factor, high * factor]}
+        line = {"color": palette.AXIS, "dash": dash, "width": 1.2}
+        figure.add_scatter(**ends, mode="lines", hoverinfo="skip", showlegend=False, line=line)
     for scenario, colour in _SCENARIO_COLOURS.items():
         here = [each for each in points if each[0].scenario == scenario]
         symbols = [_SYMBOLS[list(MODELS).index(row.model)] for row, _, _ in here]

@@ -182,9 +182,8 @@ def _rmse_figure(study: Study, group: int) -> go.Figure:
         hover = [f"unit {study.units[index].number}" for index in order]
         plots.add_curve(figure, shares.tolist(), values[order].tolist(), way, _COLOURS[way], hover=hover)
     trained = study.nominal.scores[group].rmse_degC
-    plots.add_curve(
-        figure, [0, 100], [trained, trained], "the unit it was trained on", palette.INK, dash="dash", width=1.4
-    )
+    name = "the unit it was trained on"
+    plots.add_curve(figure, [0, 100], [trained, trained], name, palette.INK, dash="dash", width=1.4)
     figure.update_yaxes(rangemode="tozero")
     figure.update_xaxes(range=[0, 100])
     return figure
@@ -198,18 +197,10 @@ def _bias_figure(study: Study, group: int) -> go.Figure:
     line = {"color": palette.AXIS, "dash": "dot", "width": 1.4}
     figure.add_scatter(x=[-edge, edge], y=[-edge, edge], mode="lines", line=line, name="as before", hoverinfo="skip")
     nominal = [getattr(study.nominal.scores[group], name) for name in names]
-    for each, points, texts, marker in (
-        ("a unit", (x, y), [f"unit {unit.number}" for unit in study.units], {"color": palette.ESTIMATE, "size": 8}),
-        ("the unit it was trained on", nominal, [""], {"color": palette.INK, "size": 11, "symbol": "diamond"}),
-    ):
-        x_values, y_values = (np.atleast_1d(values).tolist() for values in points)
-        figure.add_scatter(
-            x=x_values,
-            y=y_values,
-            text=texts,
-            name=each,
-            mode="markers",
-            marker=marker,
-            hovertemplate="%{text} %{x:.2f}, corrected %{y:.2f} °C",
-        )
+    units = [f"unit {unit.number}" for unit in study.units]
+    dots = {"mode": "markers", "hovertemplate": "%{text} %{x:.2f}, corrected %{y:.2f} °C"}
+    trained = {"color": palette.INK, "size": 11, "symbol": "diamond"}
+    figure.add_scatter(x=x, y=y, text=units, name="a unit", marker={"color": palette.ESTIMATE, "size": 8}, **dots)
+    at = {"x": nominal[:1], "y": nominal[1:]}
+    figure.add_scatter(**at, text=[""], name="the unit it was trained on", marker=trained, **dots)
     return figure

@@ -247,17 +247,8 @@ def _score(scenario: str, cased: bool, model: Model, improved: Model, trace: Tra
     # in the published interval, once it is moved by the offset
     moved_degC = learning.reference_degC[known] - week.offset_degC
     inside = (learning.low_degC[known] <= moved_degC) & (moved_degC <= learning.high_degC[known])
-    return Score(
-        scenario,
-        cased,
-        before.metrics.rmse_degC,
-        before.metrics.mbe_degC,
-        before.metrics.sigma_degC,
-        100 * before.coverage[90],
-        after.metrics.rmse_degC,
-        after.metrics.mbe_degC,
-        100 * after.coverage[90],
-        math.sqrt(metrics.rmse_degC**2 - metrics.mbe_degC**2 + bias_degC**2),
-        bias_degC,
-        100 * float(np.mean(inside)),
-    )
+    as_it_is = before.metrics.rmse_degC, before.metrics.mbe_degC, before.metrics.sigma_degC, 100 * before.coverage[90]
+    corrected = after.metrics.rmse_degC, after.metrics.mbe_degC, 100 * after.coverage[90]
+    rmse_degC = math.sqrt(metrics.rmse_degC**2 - metrics.mbe_degC**2 + bias_degC**2)
+    by_week = rmse_degC, bias_degC, 100 * float(np.mean(inside))
+    return Score(scenario, cased, *as_it_is, *corrected, *by_week)
