@@ -121,9 +121,10 @@ def detection_by_size(outcomes: Sequence[Outcome], edges: Sequence[float] = SIZE
     return _by_range([(each.size_in_noise, each.correct) for each in single_effects(outcomes)], edges, np.median)
 
 
-def reliability(outcomes: Sequence[Outcome], edges: Sequence[float] = CONFIDENCE_EDGES) -> tuple[Range, ...]:
+def reliability(outcomes: Sequence[Outcome]) -> tuple[Range, ...]:
     """Of the first causes that were named, the share that was hidden, for each range of confidence that has any."""
-    return _by_range([(sure, right) for each in outcomes for _, sure, right in each.named[:1]], edges, np.mean)
+    flags = [(sure, right) for each in outcomes for _, sure, right in each.named[:1]]
+    return _by_range(flags, CONFIDENCE_EDGES, np.mean)
 
 
 def _by_range(

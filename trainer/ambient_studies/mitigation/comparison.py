@@ -37,16 +37,17 @@ from ambient_trainer.simulator import (
 
 SCENARIO = "5"
 SEED = 0
+PERIOD_S = 1.0
 _AIR, _POWER = "air_degC", "soc_power_W"
 _MARGIN_PERCENT = 95
 
 
-def training_trace(zone: Zone, period_s: float = 1.0, progress: Callable[[int, int], None] | None = None) -> Trace:
+def training_trace(zone: Zone, progress: Callable[[int, int], None] | None = None) -> Trace:
     """The run: ``zone``'s column, ``air_degC``, ``soc_power_W``, and the skin as the reference."""
     phone = load_device()
-    run = prepare(load_scenario(SCENARIO), SEED, period_s, phone)
-    trace, driven, _ = logged([Planned(SCENARIO, SEED, run, [zone])], period_s, progress)[0]
-    skin = Probes().reading(skin_degC(driven.nodes_degC), period_s, stream(SEED, "skin"))[run.unrecorded :]
+    run = prepare(load_scenario(SCENARIO), SEED, PERIOD_S, phone)
+    trace, driven, _ = logged([Planned(SCENARIO, SEED, run, [zone])], PERIOD_S, progress)[0]
+    skin = Probes().reading(skin_degC(driven.nodes_degC), PERIOD_S, stream(SEED, "skin"))[run.unrecorded :]
     sensor = f"{zone.name}_degC"
     columns = {sensor: trace.column(sensor), _AIR: trace.reference, _POWER: trace.column(_POWER), REFERENCE: skin}
     return replace(trace, columns=columns)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -96,7 +96,7 @@ def score_table(scored: Sequence[Score], setting: Setting) -> Table:
 def verdict(scored: Sequence[Score], setting: Setting) -> list[str]:
     """A sentence a room: the gain by the estimate, or that there is none."""
     by_place = {(each.room, each.knowledge): each for each in scored}
-    return [_sentence(by_place, room, setting) for room in dict.fromkeys(each.room for each in scored)]
+    return ["".join(_phrases(by_place, room, setting)) for room in dict.fromkeys(each.room for each in scored)]
 
 
 def governor_names(setting: Setting) -> dict[Knowledge, str]:
@@ -151,35 +151,34 @@ def _seeds(comparison: Comparison) -> list[int]:
     return list(dict.fromkeys(each.case.seed for each in comparison.records))
 
 
-def _sentence(by_place: dict[tuple[str, Knowledge], Score], room: str, setting: Setting) -> str:
+def _phrases(by_place: dict[tuple[str, Knowledge], Score], room: str, setting: Setting) -> Iterator[str]:
     mine, hottest, usual, truth = (
         by_place[room, kind] for kind in (Knowledge.ESTIMATE, Knowledge.HOTTEST, Knowledge.USUAL, Knowledge.TRUTH)
     )
     gain = mine.work_frac - hottest.work_frac
-    parts = [
+    yield (
         f"{room} degC: {100 * mine.work_frac:.0f} % of the work with the estimate, {100 * hottest.work_frac:.0f} % "
         f"where {setting.hottest_degC:g} degC is assumed"
-    ]
+    )
     if hottest.above_limit_min > mine.above_limit_min + _NOTICED_MIN:
-        parts.append(f" and the skin is {_above(hottest, setting)}")
+        yield f" and the skin is {_above(hottest, setting)}"
     elif abs(gain) < _NOTICED_FRAC:
-        parts.append("; here the estimate is worth nothing")
+        yield "; here the estimate is worth nothing"
     elif gain < 0:
-        parts.append("; here its error costs work")
-    parts.append(".")
+        yield "; here its error costs work"
+    yield "."
     if usual.above_limit_min > mine.above_limit_min + _NOTICED_MIN:
-        parts.append(f" Where {setting.usual_degC:g} degC is assumed, the skin is {_above(usual, setting)}.")
+        yield f" Where {setting.usual_degC:g} degC is assumed, the skin is {_above(usual, setting)}."
     if mine.max_skin_degC > setting.limit_degC:
-        parts.append(
+        yield (
             f" With the estimate the skin is {_above(mine, setting)}, with the truth for "
             f"{truth.above_limit_min:.1f} min."
         )
     if mine.trusted_frac is not None and mine.trusted_frac < 1:
-        parts.append(
+        yield (
             f" The estimate was trusted {100 * mine.trusted_frac:.0f} % of the time; else {setting.hottest_degC:g} "
             "degC was assumed."
         )
-    return "".join(parts)
 
 
 def _above(score: Score, setting: Setting) -> str:

@@ -106,15 +106,9 @@ def _row(scenario: str, method: Method, estimate: Array, reference: Array, publi
         found = score(error[known])
         if all(map(math.isfinite, (found.rmse_degC, found.mae_degC, found.mbe_degC, found.sigma_degC))):
             reproduced = Result(found.rmse_degC, found.mae_degC, found.mbe_degC, found.interval_degC)
-    return Row(
-        scenario=scenario,
-        model=method.name,
-        variant=method.variant,
-        published=published.get((scenario, method.name)),
-        reproduced=reproduced,
-        samples=samples,
-        without_estimate=int(np.count_nonzero(~np.isfinite(estimate))),
-    )
+    theirs = published.get((scenario, method.name))
+    without = int(np.count_nonzero(~np.isfinite(estimate)))
+    return Row(scenario, method.name, method.variant, theirs, reproduced, samples, without)
 
 
 WANTED_SPEARMAN = 0.85

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -111,30 +112,28 @@ def units_table(study: Study) -> Table:
     return Table(_CAPTION.format(len(study.units)), columns, rows, labels=3)
 
 
-def sentences(study: Study) -> list[str]:
-    """A sentence a group, and one about the offsets."""
-    lines = []
+def sentences(study: Study) -> Iterator[str]:
+    """A sentence a group, and two about the offsets."""
     for index, (scenario, cased) in enumerate(groups(study)):
         before, after, learnt = (scatter(study, index, f"{prefix}rmse_degC") for prefix in WAYS.values())
         best = scatter(study, index, "scatter_degC")
-        lines.append(
+        yield (
             f"Scenario {scenario}, {_dress(cased)}: the error is {before.median:.2f} degC on the median unit "
             f"({before.nominal:.2f} on the one it was trained on), {after.median:.2f} with the unit's own offsets, "
             f"{learnt.median:.2f} (worst {learnt.worst:.2f}) with the one that it learnt. The "
             f"best constant, known afterwards, would leave {best.median:.2f}."
         )
     offsets = [each.offset_degC for each in study.units]
-    lines.append(
+    yield (
         f"The main estimator's offset, of {KNOWN_MIN:g} minutes at rest at {CALIBRATION_DEGC:g} degC, is "
         f"{np.mean(offsets):+.2f} ± {np.std(offsets):.2f} degC (standard deviation from unit to unit); the trained "
         f"unit's own would be {study.nominal.offset_degC:+.2f}."
     )
-    lies = [each.liar_moves_degC for each in study.units]
-    lines.append(
-        f"One reading a day for {DAYS} days, with a normal error of {READING_SIGMA_DEGC:g} degC: readings that are "
-        f"all {LIE_DEGC:g} degC too high move no unit's offset by more than {max(lies):.2f} degC."
+    yield (
+        f"One reading a day for {DAYS} days, with a normal error of {READING_SIGMA_DEGC:g} degC: readings that are all "
+        f"{LIE_DEGC:g} degC too high move no unit's offset by more than "
+        f"{max(each.liar_moves_degC for each in study.units):.2f} degC."
     )
-    return lines
 
 
 def as_json(study: Study) -> dict[str, Any]:

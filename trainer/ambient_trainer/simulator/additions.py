@@ -152,10 +152,9 @@ class Additions:
         size = self.balance.size
         state = np.repeat(air_degC[:, None], self.width, axis=1)
         state[:, :size] = nodes
-        for row, each in zip(state, self._added):
-            for index, body in enumerate(each.bodies, start=size):
-                row[index] = row[index] if body.start_degC is None else body.start_degC
         for index, each in enumerate(self._added):
+            for place, body in enumerate(each.bodies, start=size):
+                state[index, place] = state[index, place] if body.start_degC is None else body.start_degC
             if any(term.course[0] for term in each.terms) or each.links:
                 asked = Demand(demand.heat_W[index : index + 1], demand.charging_A[index : index + 1])
                 one = Additions(HeatBalance([self.balance.devices[index]]), [each])

@@ -130,7 +130,6 @@ def unit_run(
     return planned(of, scenario, unit.phone, unit.zones, period_s, [*hidden, *case], decoys, unit.gains)
 
 
-CASE_ON, CASE_OFF = "on", "off"
 _AT_ONCE = 50
 _RUNS_APART = 1_000_003
 
@@ -201,7 +200,7 @@ def _unit(
     named = [(each, f"hidden {each.cause} {each.location}") for each in hidden]
     truth = {
         "unit": f"u{number:05d}",
-        "case": CASE_ON if cased else CASE_OFF,
+        "case": "on" if cased else "off",
         "offset_K": {zone.name: zone.offset_degC for zone in unit.zones},
         "gain": dict(unit.gains),
         "hidden": [{"text": hidden_text(each), "cause": each.cause, "location": each.location} for each in hidden],

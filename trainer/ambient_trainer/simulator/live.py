@@ -27,11 +27,9 @@ class ChamberAir:
     def __init__(
         self, start_s: float, room_degC: float, seed: int | np.random.Generator, dynamics: Chamber | None = None
     ) -> None:
-        random = np.random.default_rng(seed)
-        self._start_s = start_s
-        self._room_degC = room_degC
+        self._random = random = np.random.default_rng(seed)
+        self._start_s, self._room_degC = start_s, room_degC
         self._dynamics = dynamics or load_device().chamber
-        self._random = random
         self._phase = random.uniform(0.0, 2.0 * math.pi)
         self._draught = random.standard_normal()
         self._stir = 0.0
