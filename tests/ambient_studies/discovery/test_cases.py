@@ -35,7 +35,7 @@ def test_two_effects_differ_in_cause_and_place_and_can_go_together():
         assert not set((one.location or "all").split("-")) & set((other.location or "all").split("-"))
         # the battery's sensor sits at the charging electronics
         assert {one.location, other.location} != {"battery", "board2"}
-        assert run_faults((one, other), load_scenario("5").duration_s) == []
+        assert list(run_faults((one, other), load_scenario("5").duration_s)) == []
     met = {frozenset((one.cause, other.cause)) for one, other in pairs}
     assert len(met) > len(list(combinations(CAUSES, 2))) / 3
 

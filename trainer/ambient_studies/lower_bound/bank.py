@@ -43,13 +43,12 @@ def fitted(runs: Sequence[Gram]) -> Array:
     """Ridge-regression weights (p,), with the penalty under which each run is predicted best from the others."""
     if len(runs) == 1:
         return _solved(runs, _RIDGES[len(_RIDGES) // 2])
-    left_out = {
-        ridge: sum(
-            _mean_square(_solved([*runs[:index], *runs[index + 1 :]], ridge), run) for index, run in enumerate(runs)
-        )
-        for ridge in _RIDGES
-    }
-    return _solved(runs, min(left_out, key=left_out.__getitem__))
+
+    def left_out(ridge: float) -> float:
+        others = [[*runs[:index], *runs[index + 1 :]] for index in range(len(runs))]
+        return sum(_mean_square(_solved(rest, ridge), run) for rest, run in zip(others, runs))
+
+    return _solved(runs, min(_RIDGES, key=left_out))
 
 
 def rmse_degC(weights: Array, runs: Sequence[Gram]) -> float:

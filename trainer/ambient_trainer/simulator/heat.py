@@ -199,9 +199,7 @@ def _incidence(device: Device, edges: Sequence[str]) -> Array:
     """Nodes by edges: +1 where an edge begins, -1 where it ends."""
     matrix = np.zeros((len(device.nodes), len(edges)))
     for index, edge in enumerate(edges):
-        one, _, other = edge.partition("-")
-        matrix[device.index(one), index] = 1.0
-        matrix[device.index(other), index] = -1.0
+        matrix[list(map(device.index, edge.split("-"))), index] = 1.0, -1.0
     return matrix
 
 

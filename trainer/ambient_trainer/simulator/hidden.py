@@ -8,7 +8,7 @@ them is a candidate's own equation.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -218,69 +218,62 @@ def effects() -> dict[str, Effect]:
     return dict(sorted(known.items(), key=lambda item: item[1].rank))
 
 
-def faults(hidden: Hidden, device: Device) -> list[Fault]:
+def faults(hidden: Hidden, device: Device) -> Iterator[Fault]:
     """What is wrong with an effect in a device, whatever run it is hidden in."""
     effect = effects().get(hidden.cause)
     if effect is None:
-        return [Fault("cause", f"{hidden.cause!r} is none", f"take one of {', '.join(effects())}")]
-    found = []
+        yield Fault("cause", f"{hidden.cause!r} is none", f"take one of {', '.join(effects())}")
+        return
     places = effect.places(device)
     if hidden.location not in (*places, *((None,) if effect.everywhere else ())):
         problem = "missing" if hidden.location is None else f"it cannot be at {hidden.location!r}"
-        found.append(Fault("location", problem, f"take {_listed(effect, device)}"))
+        yield Fault("location", problem, f"take {_listed(effect, device)}")
     if hidden.signal not in (None, *effect.signals):
         hint = f"take one of {', '.join(effect.signals)}, or none" if effect.signals else "leave it out"
-        found.append(Fault("signal", f"{hidden.signal!r} cannot drive {hidden.cause}", hint))
+        yield Fault("signal", f"{hidden.signal!r} cannot drive {hidden.cause}", hint)
     if hidden.body not in (None, *effect.bodies):
         hint = f"take one of {', '.join(effect.bodies)}" if effect.bodies else f"{hidden.cause} has none"
-        found.append(Fault("body", f"it cannot be {hidden.body!r}", hint))
+        yield Fault("body", f"it cannot be {hidden.body!r}", hint)
     if hidden.size is None and effect.needs_size:
-        found.append(Fault("size", "missing", f"give the {effect.meaning}"))
+        yield Fault("size", "missing", f"give the {effect.meaning}")
     if hidden.size is not None and not effect.low <= hidden.size <= effect.high:
         hint = f"take {effect.low:g} to {effect.high:g} {effect.unit}".rstrip() + f": {effect.meaning}"
-        found.append(Fault("size", f"{hidden.size:g} is out of range", hint))
+        yield Fault("size", f"{hidden.size:g} is out of range", hint)
     if not (math.isfinite(hidden.onset_s) and hidden.onset_s >= 0.0):
-        found.append(Fault("from", f"{hidden.onset_s:g} s is no time in a recording", "take 0 or later"))
+        yield Fault("from", f"{hidden.onset_s:g} s is no time in a recording", "take 0 or later")
     if hidden.end_s is not None and not (math.isfinite(hidden.end_s) and hidden.end_s > hidden.onset_s):
         problem = f"{hidden.end_s:g} s does not come after {hidden.onset_s:g} s"
-        found.append(Fault("to", problem, "take a later time, or none"))
-    return found
+        yield Fault("to", problem, "take a later time, or none")
 
 
 def checked(hidden: Hidden, device: Device) -> Hidden:
     """``hidden`` itself; raises :class:`Refused` with every fault."""
-    found = faults(hidden, device)
-    if found:
+    if found := list(faults(hidden, device)):
         raise Refused(SOURCE, found)
     return hidden
 
 
-def run_faults(hidden: Sequence[Hidden], duration_s: float) -> list[Fault]:
+def run_faults(hidden: Sequence[Hidden], duration_s: float) -> Iterator[Fault]:
     """What is wrong with effects that are hidden together in a run of ``duration_s``."""
-    found = []
     windows: dict[str, tuple[float, float | None]] = {}
     for index, effect in enumerate(hidden):
         where = f"effect {index + 1} ({effect.cause})"
         outside = outside_faults(effect.onset_s, effect.end_s, duration_s)
-        found += [Fault(f"{where}, {fault.place}", fault.problem, fault.hint) for fault in outside]
+        yield from (Fault(f"{where}, {fault.place}", fault.problem, fault.hint) for fault in outside)
         if effect.signal is not None:
             window = (effect.onset_s, effect.end_s)
             if windows.setdefault(effect.signal, window) != window:
                 problem = f"{effect.signal} would be on at other times for another effect"
-                found.append(Fault(f"{where}, signal", problem, "give both the same times, or another signal"))
-    return found
+                yield Fault(f"{where}, signal", problem, "give both the same times, or another signal")
 
 
-def outside_faults(onset_s: float | None, end_s: float | None, duration_s: float) -> list[Fault]:
+def outside_faults(onset_s: float | None, end_s: float | None, duration_s: float) -> Iterator[Fault]:
     """Which of the times, None for none, lie outside a run of ``duration_s``."""
-    return [
-        Fault(name, f"{time_s:g} s is outside the run", f"it lasts from 0 to {duration_s:g} s")
-        for name, time_s, outside in (
-            ("from", onset_s, (onset_s or 0.0) >= duration_s),
-            ("to", end_s, (end_s or 0.0) > duration_s),
-        )
-        if outside and time_s is not None
-    ]
+    hint = f"it lasts from 0 to {duration_s:g} s"
+    if onset_s is not None and onset_s >= duration_s:
+        yield Fault("from", f"{onset_s:g} s is outside the run", hint)
+    if end_s is not None and end_s > duration_s:
+        yield Fault("to", f"{end_s:g} s is outside the run", hint)
 
 
 def slope(values: Array, on: Array) -> float:

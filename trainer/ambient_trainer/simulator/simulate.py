@@ -228,7 +228,7 @@ def _answered(key: _Key, done: Mapping[_Key, Logged], sizes: bool) -> Simulated:
 
 
 def _check(runs: Sequence[_Key], decoys: Sequence[str], device: Device) -> None:
-    found = []
+    found: list[Fault] = []
     for name, _, hidden in runs:
         own = [fault for each in hidden for fault in faults(each, device)]
         found += own or run_faults(hidden, load_scenario(name).duration_s)

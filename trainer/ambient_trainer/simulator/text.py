@@ -112,7 +112,7 @@ def parse_hidden(texts: Sequence[str], seed: int, duration_s: float, device: Dev
             faults += [fault for fault in refused.faults if fault.place not in known]
         found += [Fault(f"{text!r}, {fault.place}", fault.problem, fault.hint) for fault in faults]
     if not found:
-        found = run_faults(hidden, duration_s)
+        found = list(run_faults(hidden, duration_s))
     if found:
         raise Refused(SOURCE, found)
     return hidden
