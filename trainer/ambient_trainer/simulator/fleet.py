@@ -41,12 +41,13 @@ class Unit:
     gains: Mapping[str, float]
     """By zone the relative error of the slope."""
     case: tuple[Hidden, ...]
-    """What it does to the rear shell: the convective resistance grows by a share of it, and it stores heat."""
+    """What it does to each side of the device: the convective resistance grows by a share of it, and it stores heat."""
 
 
 def nominal(zones: Sequence[Zone]) -> Unit:
     """The calibrated phone, in the middle of all tolerances."""
-    return Unit(0, load_device(), tuple(zones), {}, _case(sum(_TPU_mm) / 2, sum(_AIR_mm) / 2, sum(_TPU_g) / 2))
+    phone, middle = load_device(), (sum(each) / 2 for each in (_TPU_mm, _AIR_mm, _TPU_g))
+    return Unit(0, phone, tuple(zones), {}, _case(phone, *middle))
 
 
 def drawn(number: int, seed: int, zones: Sequence[Zone], device: Device | None = None) -> Unit:
@@ -65,7 +66,7 @@ def drawn(number: int, seed: int, zones: Sequence[Zone], device: Device | None =
         _assembled(shipped, tolerances, stream(seed, f"unit {number} phone")),
         tuple(zone for zone, _ in made),
         {zone.name: gain for zone, gain in made},
-        _case(case.uniform(*_TPU_mm), case.uniform(*_AIR_mm), case.uniform(*_TPU_g)),
+        _case(shipped, *(case.uniform(*each) for each in (_TPU_mm, _AIR_mm, _TPU_g))),
     )
 
 
@@ -103,12 +104,11 @@ def _assembled(phone: Device, tolerances: Tolerances, random: np.random.Generato
     return phone.with_values(values)
 
 
-def _case(plastic_mm: float, air_mm: float, mass_g: float) -> tuple[Hidden, ...]:
+def _case(device: Device, plastic_mm: float, air_mm: float, mass_g: float) -> tuple[Hidden, ...]:
+    """Nothing where the device has no sides that a case covers."""
     resistance_m2K_W = 1e-3 * (plastic_mm / _TPU_W_mK + air_mm / _AIR_W_mK)
-    return (
-        Hidden("ambient_coupling", "back", size=resistance_m2K_W * _OUTSIDE_W_m2K),
-        Hidden("thermal_mass", "back", size=mass_g * _TPU_J_gK),
-    )
+    does = ("ambient_coupling", resistance_m2K_W * _OUTSIDE_W_m2K), ("thermal_mass", mass_g * _TPU_J_gK)
+    return tuple(Hidden(cause, side, size=size) for side in device.sides for cause, size in does)
 
 
 def _scatter(deviation: float, random: np.random.Generator) -> float:
@@ -194,7 +194,7 @@ def _unit(
     hidden = all_hidden.get(number, ())
     signals = [each.signal for of_one in all_hidden.values() for each in of_one if each.signal]
     unit = drawn(number, plan.seed, device.main_zones, device)
-    cased = bool(stream(plan.seed, f"unit {number} cased").uniform() < plan.cased)
+    cased = bool(unit.case) and bool(stream(plan.seed, f"unit {number} cased").uniform() < plan.cased)
     seed = _RUNS_APART * (plan.seed + 1) + 10_000_019 * plan.run + number
     usage = _usage(scenario, seed, plan.minutes)
     named = [(each, f"hidden {each.cause} {each.location}") for each in hidden]
