@@ -191,15 +191,16 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math
     best = min([penalised(chosen), *same])
     margin = min((penalised(each) + _handicap(each, chosen) - best for each in others), default=1.0)
     total = min(step.gain, needed)
-    sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_EITHER if _doubtful(step, chosen, final.records) else 1.0)
+    sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_EITHER if _doubtful(step, chosen, final) else 1.0)
     sure *= max(1.0 - (left_by_window(step.before, chosen) / WANDERS) ** 2, 0.0)
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
 
 
-def _doubtful(step: Chosen, chosen: Trial, records: Sequence[Record]) -> bool:
+def _doubtful(step: Chosen, chosen: Trial, final: Fitted) -> bool:
     """Whether something quite different reads the same, or nothing else was tried beside what was found with it."""
-    mechanism = chosen.mechanism
-    if mechanism.sudden or mechanism.doubtful or _or_physics(chosen) or not step.trials:
+    mechanism, records = chosen.mechanism, final.records
+    in_the_end = (each.doubtful for each in final.model.mechanisms if is_chosen(each, mechanism))
+    if mechanism.sudden or mechanism.doubtful or any(in_the_end) or _or_physics(chosen) or not step.trials:
         return True
     # without known-good records, what nothing logged shows and that begins or ends describes more than it names; and
     # a loss that differs in the heat: of five in measured logs none was surely that

@@ -15,6 +15,7 @@ from ambient_trainer.diagnosis.findings import left_degC
 from ambient_trainer.diagnosis.greybox.file import greybox_of
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, expected_start, fit, simulate
+from ambient_trainer.diagnosis.greybox.revision import beside
 from ambient_trainer.diagnosis.greybox.screening import lasting_candidates
 from ambient_trainer.diagnosis.greybox.stepwise import Progress, bare_fit, stepwise
 from ambient_trainer.diagnosis.record import Record, records_of
@@ -64,6 +65,14 @@ def train_on_baselines(
     """A forward ``circuit`` fitted to known-good traces, with what they need besides."""
     good = [each for trace in traces for each in records_of(circuit, trace, period_s)]
     bare = bare_fit(greybox_of(circuit), good)
-    final = stepwise(bare, progress=progress, offered=lasting_candidates).final
+    final = _settled(stepwise(bare, progress=progress, offered=lasting_candidates).final)
     noise = np.maximum(np.sqrt(np.nanmean(left_degC(final) ** 2, axis=1)), _FINEST_DEGC)
     return KnownGood(final.model, Prior.trained(final), period_s, noise, final.held_out_rmse_degC)
+
+
+def _settled(fitted: Fitted) -> Fitted:
+    """Without bodies slower than the records, as each would take up whatever has changed since."""
+    for index, each in reversed(list(enumerate(fitted.model.mechanisms))):
+        if each.slow and not fitted.model.carries(index):
+            fitted = beside(fitted, fitted.model.without(index)) or fitted
+    return fitted

@@ -11,6 +11,7 @@ from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.mechanisms.exponent import Exponent
+from ambient_trainer.diagnosis.greybox.mechanisms.heat import WORK, moves_air
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.scene import HUMIDITY, Scene, is_flow
@@ -20,6 +21,10 @@ _LEAST = 0.03
 """Of a conductance: none becomes negative."""
 _MOST_LESS, _MOST_MORE, _SWEPT = 0.97, 19.0, 300.0
 """A loss goes down to next to nothing, and up to what a storm takes from still air's, or water that flows."""
+_HARDLY_LESS = 0.1
+"""Of the loss, where its driver does most: what heats or moves air takes none away. A loss that falls with a power
+reads as heat does; by a laptop's battery, a printer's bed and a glasshouse's lamps it seemed to in measured logs."""
+_ELECTRIC = ("_A", "_V", "_lux")
 
 
 @dataclass(frozen=True)
@@ -117,7 +122,15 @@ def _coupling(
     names = ["change"] if shared else [f"change_{each}" for each in places]
     least, most = scene.extent(driver)
     more = _SWEPT if is_flow(driver.columns[0]) else _MOST_MORE
-    low = max(-_MOST_LESS / most if most > 0 else -np.inf, more / least if least < 0 else -np.inf)
+    less = _HARDLY_LESS if least >= 0 and _only_raises(scene, driver) else _MOST_LESS
+    low = max(-less / most if most > 0 else -np.inf, more / least if least < 0 else -np.inf)
     high = min(more / most if most > 0 else np.inf, -_MOST_LESS / least if least < 0 else np.inf)
     numbers = tuple(Number(name, driver.per("1"), 0.0, scale=scale, low=low, high=high) for name in names)
     return kind(places, numbers, driver)
+
+
+def _only_raises(scene: Scene, driver: Expression) -> bool:
+    """Whether what a driver says heats, or moves air."""
+    column = driver.columns[0]
+    does = scene.warms(driver) or moves_air(column) or not WORK.isdisjoint(column.split("_"))
+    return does or column.endswith(_ELECTRIC)

@@ -22,7 +22,7 @@ _LEAST_PER_K, _MOST_PER_K = -0.008, 0.2
 _SPEED, _MOVES_AIR = "_m_s", {"fan", "fans", "blower", "wind", "gust", "vent", "damper"}
 """Of air, which heats nothing, and words in the name of what moves it: of eleven measured sets with such a column it
 heated in none, and in four it went along with what did."""
-_WORK = {"heater", "burner", "boiler", "lamp", "load", "cpu", "gpu", "usage", "duty", "pwm"}
+WORK = {"heater", "burner", "boiler", "lamp", "load", "cpu", "gpu", "usage", "duty", "pwm"}
 """Words in the name of what heats by what it does, in whatever unit."""
 _STATES = {*HUMIDITY, "moisture", "pressure"}
 """Words in the name of a state: a level of one heats nothing, though the rate of a pressure does. What hangs on a
@@ -57,7 +57,7 @@ class Heat(InProportion):
         if driver is None:
             return False
         rate, words = driver.text.startswith("d(") and driver.columns[0].endswith("_frac"), driver.columns[0].split("_")
-        cools = any(number.value < 0 for number in self.numbers) and not _WORK.isdisjoint(words)
+        cools = any(number.value < 0 for number in self.numbers) and not WORK.isdisjoint(words)
         return rate or cools or "flow" in words
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
@@ -115,10 +115,11 @@ def windowed(scene: Scene) -> Iterator[Mechanism]:
 
 
 def _heating(drivers: Iterable[Expression]) -> list[Expression]:
-    return [each for each in drivers if not any(map(_moves_air, each.columns)) and not _a_state(each)]
+    return [each for each in drivers if not any(map(moves_air, each.columns)) and not _a_state(each)]
 
 
-def _moves_air(column: str) -> bool:
+def moves_air(column: str) -> bool:
+    """Whether a column is a speed of air, or of what moves it."""
     return column.endswith(_SPEED) or not _MOVES_AIR.isdisjoint(column.split("_"))
 
 
