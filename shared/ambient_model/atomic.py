@@ -27,7 +27,7 @@ def replacing(path: str, mode: str = "w") -> Iterator[IO[str]]:
     try:
         with _opened(temporary, mode) as stream:
             yield stream
-        _flush_to_disk(temporary)
+        flush_to_disk(temporary)
         os.replace(temporary, target)
     except OSError as error:
         if error.filename not in (None, temporary) or (error.filename is None and error.errno not in _DISK):
@@ -46,7 +46,8 @@ def _opened(path: str, mode: str) -> IO[str]:
     return open(path, "w", encoding="utf-8", newline="")
 
 
-def _flush_to_disk(path: str) -> None:
+def flush_to_disk(path: str) -> None:
+    """Bring a file's content to the disk, or a folder's names."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

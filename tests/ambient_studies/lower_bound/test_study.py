@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ambient_studies.lower_bound.bank import fitted, gram, rmse_degC
-from ambient_studies.lower_bound.study import Seeds, lower_bounds
+from ambient_studies.lower_bound.study import Seeds, fitted, gram, lower_bounds, rmse_degC
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.library.free import FreeFilterEstimator

@@ -61,7 +61,7 @@ def test_the_end_of_the_pipe_is_a_death_also_with_the_chamber_away(chamber, proc
 def test_it_takes_over_where_it_is_asked_to_or_after_an_error(chamber, error, taken_over, held_degC):
     with contextlib.suppress(KeyError), watchdog_at(chamber.port) as watchdog:
         if taken_over:
-            watchdog.take_over()
+            watchdog.takes_over = True
         if error:
             raise error
     assert watchdog.process.wait(timeout=30) == 0

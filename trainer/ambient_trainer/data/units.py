@@ -1,7 +1,10 @@
 """Millidegrees, tenths, microamperes and Fahrenheit become the trace's own units here, once."""
 
+from typing import TypeVar
+
 from ambient_trainer.data.trace import Array
 
+_Value = TypeVar("_Value", float, Array)
 _SAME = (1, 1, 0)
 _UNITS: dict[str, dict[str, tuple[float, float, float]]] = {
     "degC": {
@@ -27,7 +30,7 @@ def target_unit(column: str) -> str | None:
     return max((base for base in _UNITS if column.endswith(f"_{base}")), key=len, default=None)
 
 
-def to_base(values: Array, unit: str) -> Array:
+def to_base(values: _Value, unit: str) -> _Value:
     """``values`` in ``unit`` as values in its base unit; what is not finite stays so."""
     multiplier, divisor, offset = _UNITS[BASES[unit]][unit]
     return values * multiplier / divisor + offset

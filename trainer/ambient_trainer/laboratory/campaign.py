@@ -12,14 +12,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import AfterValidator, Field, create_model, field_validator
+from pydantic import AfterValidator, Field, PositiveFloat, create_model, field_validator
 
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.trace import REFERENCE, split_column
 from ambient_trainer.data.probe_offsets import ProbeOffset, load_offsets
 from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
 from ambient_trainer.laboratory import instruments as kinds
-from ambient_trainer.laboratory.instruments import ChamberLimits, ChamberSettings, Name, Positive
+from ambient_trainer.laboratory.instruments import ChamberLimits, ChamberSettings, Name
 from ambient_trainer.laboratory.messages import CHAMBER, MULTIPLEXER, THERMOMETER
 from ambient_trainer.laboratory.serial_line import is_missing
 from ambient_trainer.simulator.scenario import Scenario
@@ -109,8 +109,8 @@ class Device(Strict):
 
     connect: Annotated[str, Field(pattern=r"^(adb|adb [A-Za-z0-9_.:-]+|ssh [A-Za-z0-9_][A-Za-z0-9_.@:-]*|local)$")]
     root: Annotated[str, Field(pattern=r"^(/[A-Za-z0-9_./-]*)?$")] = ""
-    period_s: Positive = 1.0
-    timeout_s: Positive = 5.0
+    period_s: PositiveFloat = 1.0
+    timeout_s: PositiveFloat = 5.0
     zones: Annotated[dict[str, _TemperatureColumn], Field(min_length=1)]
     power_supply: PowerSupply | None = None
     setup: Annotated[str, Field(max_length=32768)] = ""
@@ -140,8 +140,8 @@ class Safety(Strict):
     set_point_degC: _Temperature | None = None
     chamber: ChamberLimits | None = None
     device_high_degC: dict[str, _Temperature] = Field(default_factory=dict)
-    ambient_lost_s: Positive = 120.0
-    confirm_s: Positive = 120.0
+    ambient_lost_s: PositiveFloat = 120.0
+    confirm_s: PositiveFloat = 120.0
     unconfirmed: Literal["go-on", "wait", "end"] = "go-on"
 
 

@@ -28,7 +28,6 @@ from ambient_trainer.laboratory.program import Program
 from ambient_trainer.laboratory.run import Ending, Equipment, Outcome, Run, Supervision, equipment_of, identify
 from ambient_trainer.laboratory.watchdog import Watchdog
 
-Identified = tuple[list[tuple[str, str]], list[str]]
 _POLL_S = 0.1
 
 
@@ -68,27 +67,22 @@ def collect(job: Job, supervision: Supervision) -> Collected:
     clock = Clock(job.speed)
     equipment = equipment_of(job.loaded, clock, job.environment)
     try:
-        identities, slow = _identified(equipment, job.loaded, supervision)
+        found = in_background(identify, equipment, job.loaded)
+        while not wait([found], _POLL_S).done:
+            if why := supervision.stopping():
+                raise refuse("the laboratory", "", why, "nothing was moved")
+        identities, slow = found.result()
     except BaseException:
         equipment.close()
         raise
     clock.set(0.0)
     journal = Journal(journal_path(job.output), _head(job))
     for identity in identities:
-        journal.add(Identity(*identity))
+        journal.add(identity)
     for text in slow:
         journal.add(Note(0.0, text))
         supervision.show(0.0, text)
     return _run(job, equipment, journal, clock, Program(job.loaded.campaign.program, 0.0), supervision)
-
-
-def _identified(equipment: Equipment, loaded: LoadedCampaign, supervision: Supervision) -> Identified:
-    """What :func:`identify` finds; raises :class:`Refused` at once where it is to stop, as nothing has moved."""
-    found = in_background(identify, equipment, loaded)
-    while not wait([found], _POLL_S).done:
-        if why := supervision.stopping():
-            raise refuse("the laboratory", "", why, "nothing was moved")
-    return found.result()
 
 
 def resume(job: Job, supervision: Supervision) -> Collected:
@@ -124,7 +118,7 @@ def _run(
             watchdog = stack.enter_context(Watchdog(chamber, safe_degC, campaign.gradients, log_path))
         outcome = Run(campaign, equipment, clock, journal, program, supervision).conduct()
         if watchdog is not None and not outcome.safe:
-            watchdog.take_over()
+            watchdog.takes_over = True
     return _written(job, outcome)
 
 

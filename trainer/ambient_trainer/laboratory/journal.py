@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+from ambient_model.atomic import flush_to_disk
 from ambient_model.faults import refuse
 from ambient_trainer.laboratory import messages
 from ambient_trainer.laboratory.messages import ENTRIES, End, Entry, Failure, LoadState, Sample, StepBegan
@@ -172,11 +173,7 @@ def _opened(path: str, new: bool) -> int:
         raise refuse(path, "", f"cannot be written ({error.strerror})", "name another output") from error
     with open(path, "rb") as stream:
         os.truncate(file, stream.read().rfind(b"\n") + 1)
-    folder = os.open(os.path.dirname(path) or ".", os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
+    flush_to_disk(os.path.dirname(path) or ".")
     return file
 
 

@@ -34,6 +34,8 @@ class SimulatedInstrument(ABC):
         self._clock, self._byte_s = clock, _BITS_A_BYTE / baud
         self._folder = tempfile.TemporaryDirectory(prefix="ambient-laboratory-")
         self._link = Path(self._folder.name, name)
+        self.port = str(self._link)
+        """Where a driver finds it."""
         self._lock = threading.RLock()
         self._due: deque[tuple[float, bytes]] = deque()
         self._free_s = self._sent_s = clock.now_s()
@@ -43,11 +45,6 @@ class SimulatedInstrument(ABC):
         self.plug()
         self._thread = threading.Thread(target=self._run, name=f"simulated {name}", daemon=True)
         self._thread.start()
-
-    @property
-    def port(self) -> str:
-        """Where a driver finds it."""
-        return str(self._link)
 
     def unplug(self) -> None:
         """Pull the cable: the port goes, and with it whatever was under way."""

@@ -5,6 +5,7 @@ The report before a run is its schedule, estimated: ramps at the chamber's usual
 
 import math
 from collections import Counter
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import pandas as pd
@@ -130,15 +131,14 @@ def settling_table(record: Record, campaign: Campaign) -> Table:
     return Table(caption, ("step", "set degC", "air there after"), tuple(lines), labels=1)
 
 
-def events(record: Record) -> list[str]:
+def events(record: Record) -> Iterator[str]:
     """The notes of the run, with their times since the program began; the most frequent failures last."""
     notes = [(entry.at_s, entry.text) for entry in record.entries if isinstance(entry, Note)]
-    lines = [f"{clock_text(at_s)}  {text}" for at_s, text in notes[:_MOST_SHOWN]]
+    yield from (f"{clock_text(at_s)}  {text}" for at_s, text in notes[:_MOST_SHOWN])
     if len(notes) > _MOST_SHOWN:
-        lines.append(f"and {len(notes) - _MOST_SHOWN} more")
+        yield f"and {len(notes) - _MOST_SHOWN} more"
     failures = Counter(entry.source for entry in record.entries if isinstance(entry, Failure))
-    lines += [f"{source}: {count} failure{'s' * (count > 1)}" for source, count in failures.most_common()]
-    return lines
+    yield from (f"{source}: {count} failure{'s' * (count > 1)}" for source, count in failures.most_common())
 
 
 def collection_report(collected: Collected, job: Job) -> Report:
@@ -156,19 +156,17 @@ def collection_report(collected: Collected, job: Job) -> Report:
     return Report(f"{title}{simulated}", [], [Section("", [*tables, *found])], {}, "Collection")
 
 
-def problems_of(outcome: Outcome, job: Job) -> list[str]:
+def problems_of(outcome: Outcome, job: Job) -> Iterator[str]:
     """What is not as it should be at the end of a run, and what to do about it."""
     safe_degC = job.loaded.campaign.laboratory.safety.set_point_degC
-    problems = []
     if safe_degC is not None and not outcome.safe:
         left = "" if job.simulated else " (for an hour, a process left behind goes on sending it)"
-        problems.append(f"the chamber has NOT confirmed its safe set point, {safe_degC:g} degC: see to it{left}")
+        yield f"the chamber has NOT confirmed its safe set point, {safe_degC:g} degC: see to it{left}"
     elif safe_degC is not None and outcome.alarm is not None:
-        problems.append(f"the chamber is stopped, after its alarm: {outcome.alarm}")
+        yield f"the chamber is stopped, after its alarm: {outcome.alarm}"
     if not outcome.finished:
         held = safe_degC is not None and outcome.safe and outcome.alarm is None
         where, again = f"the chamber holds {safe_degC:g} degC; " if held else "", "--resume goes on with it"
         if outcome.ending is Ending.DEVIATED:
             again = "the trace is whole, and its note says so"
-        problems.append(f"{outcome.why}; {where}{again}")
-    return problems
+        yield f"{outcome.why}; {where}{again}"

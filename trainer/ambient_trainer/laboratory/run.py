@@ -53,19 +53,19 @@ def equipment_of(loaded: LoadedCampaign, clock: Clock, environment: Mapping[str,
     return Equipment(drivers, connection)
 
 
-def identify(equipment: Equipment, loaded: LoadedCampaign) -> tuple[list[tuple[str, str]], list[str]]:
+def identify(equipment: Equipment, loaded: LoadedCampaign) -> tuple[list[messages.Identity], list[str]]:
     """Each instrument's own identification, and a warning of each that cannot hold its period.
 
     Raises :class:`Refused` with each that does not answer, is in alarm, or lacks a value that the campaign needs.
     """
     laboratory = loaded.campaign.laboratory
-    found: list[tuple[str, str]] = []
+    found: list[messages.Identity] = []
     slow: list[str] = []
     faults: list[Fault] = []
     for source, (driver, period_s) in equipment.drivers.items():
         port = getattr(laboratory.instruments.named.get(source), "port", "")
         try:
-            found.append((source, driver.identify()))
+            found.append(messages.Identity(source, driver.identify()))
             reading = driver.read()
             if source == CHAMBER and reading.note:
                 hint = "see to it, and acknowledge it at the chamber"
@@ -297,7 +297,11 @@ class Run:
             self.program.update(sample.answered_s, self.ambient_degC, self._zones(sample.answered_s))
         else:
             self._limits.check(sample.values)
-        self._check_pace(sample)
+        slow = _slowness(sample.source, sample, self._equipment.drivers[sample.source][1])
+        if sample.source != CHAMBER and self._slow[sample.source] < _SLOW_TIMES:
+            self._slow[sample.source] = self._slow[sample.source] + 1 if slow else 0
+            if slow and self._slow[sample.source] == _SLOW_TIMES:
+                self._note(slow)
         if sample.note != self._notes.get(sample.source):
             self._notes[sample.source] = sample.note
             if self.chamber is not None and sample.source == CHAMBER and sample.note is not None:
@@ -308,13 +312,6 @@ class Run:
                 self._take(messages.Failure(messages.CHAMBER_SET_POINT, sample.at_s, text))
             elif sample.note is not None:
                 self._note(f"{sample.source}: {sample.note}")
-
-    def _check_pace(self, sample: Sample) -> None:
-        slow = _slowness(sample.source, sample, self._equipment.drivers[sample.source][1])
-        if sample.source != CHAMBER and self._slow[sample.source] < _SLOW_TIMES:
-            self._slow[sample.source] = self._slow[sample.source] + 1 if slow else 0
-            if slow and self._slow[sample.source] == _SLOW_TIMES:
-                self._note(slow)
 
     def _recovered(self, source: str, at_s: float) -> None:
         failure = self.failures.pop(source, None)

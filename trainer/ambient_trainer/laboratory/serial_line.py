@@ -341,7 +341,11 @@ class SerialLine:
             self.close()  # with it goes what was not sent
             if isinstance(error, serial.SerialTimeoutException):
                 raise self.failed(expected, "XOFF all the time", NoResponse) from error
-            raise self.failed(expected, _reason(error), Disconnected) from error
+            number = getattr(error, "errno", None)
+            reason = os.strerror(number) if isinstance(number, int) else str(error)
+            if number == errno.EWOULDBLOCK:
+                reason = "one that is in use"
+            raise self.failed(expected, reason, Disconnected) from error
 
 
 class SerialDriver:
@@ -363,10 +367,3 @@ class SerialDriver:
     def close(self) -> None:
         """Give the port back."""
         self.line.close()
-
-
-def _reason(error: Exception) -> str:
-    number = getattr(error, "errno", None)
-    if number == errno.EWOULDBLOCK:
-        return "one that is in use"
-    return os.strerror(number) if isinstance(number, int) else str(error)

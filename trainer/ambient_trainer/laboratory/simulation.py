@@ -65,7 +65,10 @@ class SimulatedPhone:
         self._clock, self._live, self._types, self._supply = clock, live, types, supply
         self._idle, self._booted_s = live.device.idle, clock.now_s() - _UPTIME_S
         self._folder = tempfile.TemporaryDirectory(prefix="simulated-phone-")
-        self._here = Path(self._folder.name)
+        self.root, self._here = self._folder.name, Path(self._folder.name)
+        """What stands before its ``/sys`` and ``/proc``."""
+        self.environment = {"PATH": f"{self._here / 'bin'}:{os.environ.get('PATH', os.defpath)}"}
+        """With it, ``adb`` is this phone's."""
         self._ending = threading.Event()
         self._lock = threading.Lock()
         self._files = self._made_files(activity)
@@ -73,16 +76,6 @@ class SimulatedPhone:
         self._threads = [
             threading.Thread(target=each, name="simulated phone", daemon=True) for each in (self._pass, self._serve)
         ]
-
-    @property
-    def root(self) -> str:
-        """What stands before its ``/sys`` and ``/proc``."""
-        return str(self._here)
-
-    @property
-    def environment(self) -> dict[str, str]:
-        """With it, ``adb`` is this phone's."""
-        return {"PATH": f"{self._here / 'bin'}:{os.environ.get('PATH', os.defpath)}"}
 
     def __enter__(self) -> SimulatedPhone:
         for thread in self._threads:
@@ -234,20 +227,14 @@ def room_air(seed: int) -> Callable[[float], float]:
 
 
 def _with_simulated(campaign: Campaign, ports: Mapping[str, str], root: str) -> Campaign:
-    laboratory = campaign.laboratory
-    settings = {
-        role: getattr(laboratory.instruments, role).model_copy(update={"port": port}) for role, port in ports.items()
-    }
-    actions = {
-        name: action.model_copy(update={"start": f"phone start {name}", "stop": f"phone stop {name}"})
-        for name, action in laboratory.actions.items()
-    }
-    there = {
-        "instruments": laboratory.instruments.model_copy(update=settings),
-        "device": laboratory.device.model_copy(update={"connect": "adb", "root": root, "setup": ""}),
-        "actions": actions,
-    }
-    return campaign.model_copy(update={"laboratory": laboratory.model_copy(update=there)})
+    data = campaign.model_dump()
+    laboratory = data["laboratory"]
+    for role, port in ports.items():
+        laboratory["instruments"][role]["port"] = port
+    laboratory["device"] |= {"connect": "adb", "root": root, "setup": ""}
+    for name, action in laboratory["actions"].items():
+        action |= {"start": f"phone start {name}", "stop": f"phone stop {name}"}
+    return type(campaign).model_validate(data)
 
 
 def _zones(loaded: LoadedCampaign, device: Device) -> dict[str, Zone]:

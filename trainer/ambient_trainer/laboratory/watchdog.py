@@ -29,7 +29,8 @@ class Watchdog:
     """A watchdog over the chamber for the time of a ``with`` block; ``log_path`` gets its steps where it acts."""
 
     def __init__(self, chamber: ChamberSettings, safe_degC: float, gradients: bool, log_path: str) -> None:
-        self._taken_over = False
+        self.takes_over = False
+        """Whether it sees to the chamber once the block ends."""
         order = {"chamber": chamber.model_dump(), "safe_degC": safe_degC, "gradients": gradients, "log": log_path}
         self.argv = [sys.executable, "-m", __name__, json.dumps(order)]
 
@@ -40,16 +41,12 @@ class Watchdog:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Release it, as the run has seen to the chamber itself; but not after an error or ``take_over``."""
+        """Release it, as the run has seen to the chamber itself; but not after an error, or where it ``takes_over``."""
         assert self.process.stdin is not None
-        if self._taken_over or kind is not None:
+        if self.takes_over or kind is not None:
             self.process.stdin.close()
         else:
             self.process.communicate(_RELEASE)
-
-    def take_over(self) -> None:
-        """Have it see to the chamber once the block ends."""
-        self._taken_over = True
 
 
 def make_safe(chamber: ChamberDriver, period_s: float, safe_degC: float, gradients: bool) -> str:

@@ -282,7 +282,6 @@ class LoadControl(Worker):
         self._actions = laboratory.actions
         self._target: tuple[str, ...] = ()
         self._active: tuple[str, ...] | None = None
-        self._posted: tuple[str, ...] | None = None
 
     @property
     def confirmed(self) -> bool:
@@ -322,9 +321,8 @@ class LoadControl(Worker):
         self._set_active(target)
 
     def _set_active(self, actions: tuple[str, ...] | None) -> None:
-        self._active = actions
-        if actions != self._posted:
-            self._posted = actions
+        before, self._active = self._active, actions
+        if actions != before:
             self.post(messages.LoadState(self.clock.now_s(), actions))
 
     def _run(self, name: str, what: str) -> None:

@@ -7,11 +7,13 @@ Coefficients change at samples and hold until the next.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.simulator.heat import ZERO_DEGC_K, Demand, HeatBalance, Rates, steady_state
+from ambient_trainer.simulator.heat import Demand, HeatBalance, Rates, arrhenius, steady_state
 
 AIR = "ambient air"
 _DRAUGHT_K = 15.0
@@ -19,12 +21,6 @@ _OHM_ACTIVATION_K, _OHM_REFERENCE_DEGC = 2000.0, 25.0  # chosen, as for a lithiu
 _APART_S = 120.0  # how fast a body that is not attached follows the air; chosen
 _LEAST_LOSS = 0.02
 """Of convection and radiation, whatever covers a surface."""
-
-
-def _ohmic(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
-    """Of a resistance that falls with temperature as a cell's does."""
-    inverse = 1.0 / (nodes + ZERO_DEGC_K) - 1.0 / (_OHM_REFERENCE_DEGC + ZERO_DEGC_K)
-    return np.exp(_OHM_ACTIVATION_K * inverse)
 
 
 def _draught(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
@@ -35,7 +31,7 @@ def _draught(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
 
 TERMS: dict[str, Callable[[Array, Array, HeatBalance], Array]] = {
     "steady": lambda nodes, air_degC, balance: np.ones_like(nodes),
-    "ohmic": _ohmic,
+    "ohmic": lambda nodes, air_degC, balance: arrhenius(nodes, _OHM_ACTIVATION_K, _OHM_REFERENCE_DEGC),
     "convected": lambda nodes, air_degC, balance: -balance.convected(nodes, air_degC),
     "radiated": lambda nodes, air_degC, balance: -balance.radiated(nodes, air_degC),
     # forced convection is proportional to the difference, where the device's own is not: equal at 10 K
@@ -73,8 +69,7 @@ class Link:
     conductance_W_K: Array
 
 
-@dataclass(frozen=True)
-class Added:
+class Added(NamedTuple):
     """What one effect adds to one run."""
 
     terms: tuple[Term, ...] = ()
@@ -89,11 +84,7 @@ def apart(attached: Array, capacity_J_K: float) -> Array:
 
 def together(added: Sequence[Added]) -> Added:
     """What several effects add to one run."""
-    return Added(
-        tuple(term for each in added for term in each.terms),
-        tuple(body for each in added for body in each.bodies),
-        tuple(link for each in added for link in each.links),
-    )
+    return Added(*(tuple(chain.from_iterable(parts)) for parts in zip(*added)))
 
 
 class Additions:

@@ -1,4 +1,4 @@
-"""A device is data: one YAML file in ``devices`` or the user's own, taken whole or refused.
+"""A device is data: one YAML file in ``devices`` or the user's own, taken whole or refused; what its zones report.
 
 No code knows a node's or an activity's name. A number in the file is plain, or a calibrated one with its bounds.
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_trainer.data.strict_yaml import Strict, load_yaml, shipped_path, validated
@@ -22,16 +22,14 @@ from ambient_trainer.simulator.chamber import Chamber
 
 Values = Mapping[str, float]
 
-_Positive = Annotated[float, Field(gt=0)]
-_NotNegative = Annotated[float, Field(ge=0)]
 _Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Node(Strict):
     """A part with one temperature; without a surface it loses heat to its neighbours only."""
 
-    capacitance_J_K: _Positive
-    surface_m2: _NotNegative = 0.0
+    capacitance_J_K: PositiveFloat
+    surface_m2: NonNegativeFloat = 0.0
     emissivity: _Share = 0.9
 
 
@@ -54,15 +52,15 @@ class Processor(Strict):
 class Bursts(Strict):
     """A swing of the processor's power while an activity lasts: standard deviation over the mean, and period."""
 
-    frac: _NotNegative
-    period_s: _Positive
+    frac: NonNegativeFloat
+    period_s: PositiveFloat
 
 
 class Activity(Strict):
     """Heat by node, the charger's current, and what is logged; what it does not name is as in the first activity."""
 
-    heat_W: dict[str, _NotNegative] = Field(default_factory=dict)
-    charging_A: _NotNegative = 0.0
+    heat_W: dict[str, NonNegativeFloat] = Field(default_factory=dict)
+    charging_A: NonNegativeFloat = 0.0
     bursts: Bursts | None = None
     logs: dict[str, float] = Field(default_factory=dict)
 
@@ -72,8 +70,8 @@ class Battery(Strict):
 
     node: str
     logs: str
-    volt_V: _Positive
-    ohm: _Positive
+    volt_V: PositiveFloat
+    ohm: PositiveFloat
     activation_K: float
     reference_degC: float
 
@@ -86,7 +84,7 @@ class Fan(Strict):
     low_degC: float
     high_degC: float
     least_frac: _Share
-    vents_W_K: dict[str, _NotNegative]
+    vents_W_K: dict[str, NonNegativeFloat]
 
 
 class Zone(Strict):
@@ -98,10 +96,10 @@ class Zone(Strict):
     share: _Share = 0.0
     sensor: Literal["silicon", "thermistor"]
     """Which tolerances of manufacture it has."""
-    lag_s: _Positive
+    lag_s: PositiveFloat
     offset_degC: float = 0.0
-    noise_degC: _NotNegative
-    step_degC: _Positive
+    noise_degC: NonNegativeFloat
+    step_degC: PositiveFloat
     """What the reading is rounded to."""
 
     def reported(self, felt_degC: Array, noise: Array) -> Array:
@@ -114,21 +112,21 @@ class SensorTolerance(Strict):
     """Error of offset (the sum of several) and of gain, as standard deviations or as bounds."""
 
     drawn: Literal["normal", "uniform"]
-    offset_K: tuple[_NotNegative, ...]
-    gain: _NotNegative
+    offset_K: tuple[NonNegativeFloat, ...]
+    gain: NonNegativeFloat
 
 
 class Tolerances(Strict):
     """How units of one make differ: the standard deviation of a log-normal factor each, but for sensors' errors."""
 
-    capacitance: _NotNegative
-    conductance: _NotNegative
-    loss: _NotNegative
-    idle_power: _NotNegative
-    load_power: _NotNegative
-    battery_ohm: _NotNegative = 0.0
-    lag: _NotNegative
-    share: _NotNegative
+    capacitance: NonNegativeFloat
+    conductance: NonNegativeFloat
+    loss: NonNegativeFloat
+    idle_power: NonNegativeFloat
+    load_power: NonNegativeFloat
+    battery_ohm: NonNegativeFloat = 0.0
+    lag: NonNegativeFloat
+    share: NonNegativeFloat
     sensors: dict[str, SensorTolerance]
 
 
@@ -136,7 +134,7 @@ class HiddenPlace(Strict):
     """Where a hidden effect is drawn (None: everywhere), its typical size there, and what may drive it."""
 
     at: str | None = None
-    size: _Positive | None = None
+    size: PositiveFloat | None = None
     signals: tuple[str | None, ...] = (None,)
 
 
@@ -148,9 +146,9 @@ class Device(Strict):
 
     about: str
     nodes: Annotated[dict[str, Node], Field(min_length=1)]
-    conductance_W_K: dict[str, _NotNegative]
+    conductance_W_K: dict[str, NonNegativeFloat]
     """By ``a-b`` of two nodes."""
-    convection_W_m2_K125: _NotNegative
+    convection_W_m2_K125: NonNegativeFloat
     """h = this x dT^0.25."""
     sides: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     """Surfaces that are covered or touched together, by the name of one of them."""
@@ -259,10 +257,10 @@ DEFAULT = "phone"
 class Constant(Strict):
     """A calibrated number in the place of a plain one; ``start`` is the guess that a calibration begins with."""
 
-    value: _Positive
-    start: _Positive
-    low: _Positive
-    high: _Positive
+    value: PositiveFloat
+    start: PositiveFloat
+    low: PositiveFloat
+    high: PositiveFloat
 
     def _wrong(self) -> Iterator[tuple[str, str]]:
         if not (self.low <= self.start <= self.high and self.low <= self.value <= self.high):
@@ -300,11 +298,6 @@ def rounded(value: float) -> float:
     return float(f"{value:.4g}")
 
 
-@cache
-def _shipped(name: str) -> Device:
-    return _loaded(name)
-
-
 def _loaded(name: str) -> Device:
     data, _ = _read(name)
     device = validated(Device, data, name)
@@ -317,6 +310,9 @@ def _loaded(name: str) -> Device:
     if faults:
         raise Refused(name, faults)
     return device
+
+
+_shipped = cache(_loaded)
 
 
 class _Constants(Strict):

@@ -40,7 +40,9 @@ class HeatBalance:
         self.capacitance = np.array([[node.capacitance_J_K for node in each.nodes.values()] for each in devices])
         edges = tuple(one.conductance_W_K)
         self._conductance = np.array([[each.conductance_W_K[edge] for edge in edges] for each in devices])
-        self._ends = _incidence(one, edges)
+        ends = [one.pattern(dict(zip(edge.split("-"), (1.0, -1.0)))) for edge in edges]
+        self._ends = np.ascontiguousarray(np.reshape(ends, (len(edges), self.size)).T)
+        """Nodes by edges: +1 where an edge begins, -1 where it ends."""
         surface = np.array([[node.surface_m2 for node in each.nodes.values()] for each in devices])
         emissivity = np.array([[node.emissivity for node in each.nodes.values()] for each in devices])
         self.convection = np.array([[each.convection_W_m2_K125] for each in devices]) * surface
@@ -87,10 +89,9 @@ class HeatBalance:
         return np.where(charging_A > 0.0, charging_A, -other_W / self._volt)
 
     def battery_ohm(self, battery_degC: Array) -> Array:
-        """The cells' resistance, which grows in the cold (Arrhenius), shape (batch,)."""
+        """The cells' resistance, shape (batch,)."""
         cell = self._batteries[0]
-        inverse = 1.0 / (battery_degC + ZERO_DEGC_K) - 1.0 / (cell.reference_degC + ZERO_DEGC_K)
-        return self._ohm * np.exp(cell.activation_K * inverse)
+        return self._ohm * arrhenius(battery_degC, cell.activation_K, cell.reference_degC)
 
     def drawn(self, nodes: Array, demand: Demand) -> tuple[Array, Array]:
         """The heat that electrical loads set free in every node, and the battery's current, shape (batch,)."""
@@ -149,6 +150,11 @@ class HeatBalance:
         return result
 
 
+def arrhenius(temp_degC: Array, activation_K: float, reference_degC: float) -> Array:
+    """A resistance that grows in the cold, over that at the reference."""
+    return np.exp(activation_K * (1.0 / (temp_degC + ZERO_DEGC_K) - 1.0 / (reference_degC + ZERO_DEGC_K)))
+
+
 Rates = Callable[[Array, Array, Demand], Array]
 """dT/dt in K/s, shape (batch, ...), of the state, the air in degC, shape (batch,), and the demand."""
 
@@ -193,14 +199,6 @@ def advanced(rates: Rates, state: Array, demand: Demand, air_degC: tuple[Array, 
     for substep in range(substeps):
         state = rk4_step(derivative, substep * step_s, state, step_s)
     return state
-
-
-def _incidence(device: Device, edges: Sequence[str]) -> Array:
-    """Nodes by edges: +1 where an edge begins, -1 where it ends."""
-    matrix = np.zeros((len(device.nodes), len(edges)))
-    for index, edge in enumerate(edges):
-        matrix[list(map(device.index, edge.split("-"))), index] = 1.0, -1.0
-    return matrix
 
 
 def _power(device: Device) -> Array:

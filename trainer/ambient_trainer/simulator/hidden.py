@@ -130,11 +130,6 @@ class Ran(Acting):
         return there if self.driver is None else there & (self.driver > 0.0)
 
     @property
-    def air_degC(self) -> Array:
-        """The air, shape (n,)."""
-        return self.driven.run.air_degC
-
-    @property
     def places(self) -> list[int]:
         """Of the surfaces that the effect is about, in arrays of nodes."""
         return list(map(self.device.index, self.covered))
@@ -142,15 +137,15 @@ class Ran(Acting):
     def heat(self, added: Added) -> Array:
         """Heat into every node by terms along the run, shape (n, nodes)."""
         balance = HeatBalance([self.driven.run.device])
-        heat = np.zeros((len(self.air_degC), balance.size))
+        heat = np.zeros((len(self.time_s), balance.size))
         for term in added.terms:
-            into = TERMS[term.kind](self.driven.nodes_degC, self.air_degC, balance)
+            into = TERMS[term.kind](self.driven.nodes_degC, self.driven.run.air_degC, balance)
             heat += term.course[:, None] * term.pattern * into
         return heat
 
     def losses(self) -> tuple[Array, Array]:
         """What the affected nodes lose to the ambient with the effect and without it, shape (n, affected)."""
-        own = HeatBalance([self.driven.run.device]).lost(self.driven.nodes_degC, self.air_degC)
+        own = HeatBalance([self.driven.run.device]).lost(self.driven.nodes_degC, self.driven.run.air_degC)
         outside = Added(tuple(term for term in self.all_added.terms if term.kind not in ("steady", "ohmic")))
         with_it = own - self.heat(outside)
         return with_it[:, self.places], (with_it + self.heat(self.added))[:, self.places]
@@ -227,7 +222,10 @@ def faults(hidden: Hidden, device: Device) -> Iterator[Fault]:
     places = effect.places(device)
     if hidden.location not in (*places, *((None,) if effect.everywhere else ())):
         problem = "missing" if hidden.location is None else f"it cannot be at {hidden.location!r}"
-        yield Fault("location", problem, f"take {_listed(effect, device)}")
+        hint = f"take one of {', '.join((*(('all',) if effect.everywhere else ()), *places))}"
+        if any("-" in place for place in places):
+            hint = f"take two different ones, with a hyphen between, of {', '.join(device.nodes)}"
+        yield Fault("location", problem, hint)
     if hidden.signal not in (None, *effect.signals):
         hint = f"take one of {', '.join(effect.signals)}, or none" if effect.signals else "leave it out"
         yield Fault("signal", f"{hidden.signal!r} cannot drive {hidden.cause}", hint)
@@ -279,13 +277,6 @@ def outside_faults(onset_s: float | None, end_s: float | None, duration_s: float
 def slope(values: Array, on: Array) -> float:
     """Least squares through the origin."""
     return float(values @ on / (on @ on)) if on.any() else 0.0
-
-
-def _listed(effect: Effect, device: Device) -> str:
-    places = effect.places(device)
-    if any("-" in place for place in places):
-        return f"two different ones, with a hyphen between, of {', '.join(device.nodes)}"
-    return f"one of {', '.join((*(('all',) if effect.everywhere else ()), *places))}"
 
 
 def _smooth(way: Array) -> Array:

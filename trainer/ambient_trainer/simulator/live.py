@@ -62,23 +62,20 @@ class ChamberAir:
 
     def _advance(self, at_s: float) -> None:
         while self._start_s + (len(self._grid_degC) - 1) * _STEP_S <= at_s or len(self._grid_degC) < 2:
-            self._step()
-
-    def _step(self) -> None:
-        before_degC = self._ramp_degC
-        if self._wanted_degC is None:
-            self._ramp_degC += (self._room_degC - before_degC) * -math.expm1(-_STEP_S / _STANDING_S)
-        else:
-            up_K = min(self._up_K_min, self._dynamics.heating_K_min) / 60.0 * _STEP_S
-            down_K = min(self._down_K_min, self._dynamics.cooling_K_min) / 60.0 * _STEP_S
-            self._ramp_degC += min(max(self._wanted_degC - before_degC, -down_K), up_K)
-        settling = lag_weights(self._dynamics.settling_s, _STEP_S)
-        self._mean_degC = settling.step(self._mean_degC, before_degC, self._ramp_degC)
-        stirred = 0.0 if self._wanted_degC is None else 1.0
-        self._stir += (stirred - self._stir) * -math.expm1(-_STEP_S / self._dynamics.settling_s)
-        kept = math.exp(-_STEP_S / self._dynamics.draught_s)
-        self._draught = kept * self._draught + math.sqrt(1.0 - kept * kept) * self._random.standard_normal()
-        self._grid_degC.append(self._swung(len(self._grid_degC) * _STEP_S))
+            before_degC = self._ramp_degC
+            if self._wanted_degC is None:
+                self._ramp_degC += (self._room_degC - before_degC) * -math.expm1(-_STEP_S / _STANDING_S)
+            else:
+                up_K = min(self._up_K_min, self._dynamics.heating_K_min) / 60.0 * _STEP_S
+                down_K = min(self._down_K_min, self._dynamics.cooling_K_min) / 60.0 * _STEP_S
+                self._ramp_degC += min(max(self._wanted_degC - before_degC, -down_K), up_K)
+            settling = lag_weights(self._dynamics.settling_s, _STEP_S)
+            self._mean_degC = settling.step(self._mean_degC, before_degC, self._ramp_degC)
+            stirred = 0.0 if self._wanted_degC is None else 1.0
+            self._stir += (stirred - self._stir) * -math.expm1(-_STEP_S / self._dynamics.settling_s)
+            kept = math.exp(-_STEP_S / self._dynamics.draught_s)
+            self._draught = kept * self._draught + math.sqrt(1.0 - kept * kept) * self._random.standard_normal()
+            self._grid_degC.append(self._swung(len(self._grid_degC) * _STEP_S))
 
     def _swung(self, seconds: float) -> float:
         """The mean with the controller's swing and the draughts, both of which a chamber that is stopped lacks."""
@@ -180,7 +177,15 @@ class LiveDevice:
         """Bring it to the last whole second before ``now_s``; what it does not know, it does not do."""
         index = self.device.activity_index([activity] if activity in self.device.activities else [])
         while self.next_s <= now_s:
-            self._step(index)
+            swing, burst = tuple(self.device.activities.values())[index].bursts, np.ones(1)
+            if swing:
+                burst = bursts(np.array([self._seconds - self._recording_s]), swing, stream(self._seed, "bursts"))
+            demand = self._balance.demand(np.array([index]), burst)
+            at_s = self.next_s - _STEP_S
+            air_degC = np.array([self._air_degC(at_s)]), np.array([self._air_degC(at_s + _STEP_S)])
+            self._nodes_degC = advanced(self._balance.rates, self._nodes_degC, demand, air_degC, _STEP_S)
+            self._read(demand)
+            self._seconds += 1
 
     @property
     def battery_degC(self) -> float:
@@ -193,17 +198,6 @@ class LiveDevice:
         """The battery's voltage, with the drop in its own resistance."""
         assert self.device.battery
         return self.device.battery.volt_V + self.current_A * self.device.battery.ohm
-
-    def _step(self, activity: int) -> None:
-        swing, burst = tuple(self.device.activities.values())[activity].bursts, np.ones(1)
-        if swing:
-            burst = bursts(np.array([self._seconds - self._recording_s]), swing, stream(self._seed, "bursts"))
-        demand = self._balance.demand(np.array([activity]), burst)
-        at_s = self.next_s - _STEP_S
-        air_degC = np.array([self._air_degC(at_s)]), np.array([self._air_degC(at_s + _STEP_S)])
-        self._nodes_degC = advanced(self._balance.rates, self._nodes_degC, demand, air_degC, _STEP_S)
-        self._read(demand)
-        self._seconds += 1
 
     def _read(self, demand: Demand) -> None:
         self.current_A = float(self._balance.drawn(self._nodes_degC, demand)[1][0])

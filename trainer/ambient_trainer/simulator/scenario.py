@@ -6,14 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from ambient_model.faults import Fault
 from ambient_trainer.data.strict_yaml import Strict, load_yaml, shipped_path, validated
 
 FOLDER = Path(__file__).with_name("scenarios")
 
-_Positive = Annotated[float, Field(gt=0)]
 _Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]*$")]
 
 
@@ -23,10 +22,10 @@ class Settle(Strict):
     Without a chamber it stays that near to where it was.
     """
 
-    within_K: _Positive
-    drift_K: _Positive | None = None
-    for_min: _Positive
-    at_most_min: _Positive = 240.0
+    within_K: PositiveFloat
+    drift_K: PositiveFloat | None = None
+    for_min: PositiveFloat
+    at_most_min: PositiveFloat = 240.0
     """After this the program continues unsettled, and reports it."""
 
     def _wrong(self) -> Iterator[tuple[str, str]]:
@@ -41,7 +40,7 @@ class Step(Strict):
     """A change of the set point takes its time within the step that asks for it; None where there is no chamber."""
     gradient_K_min: Annotated[float, Field(ge=0.1, le=99.9)] | None = None
     """How fast the set point may move; else as fast as the chamber can."""
-    duration_min: _Positive | None = None
+    duration_min: PositiveFloat | None = None
     settle: Settle | None = None
     load: tuple[_Name, ...] = ()
     """What the device does as long as the step lasts; nothing: it idles."""
@@ -59,7 +58,7 @@ class Scenario(Strict):
     format: Literal["ambient-campaign"] = "ambient-campaign"
     version: Literal[1] = 1
     about: str
-    period_s: _Positive = 1.0
+    period_s: PositiveFloat = 1.0
     """Of the rows that the laboratory writes."""
     laboratory: Any = None
     """Where `collect` runs it; the simulation does not read it."""

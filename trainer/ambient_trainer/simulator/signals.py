@@ -4,6 +4,7 @@ A signal is zero outside its window; both are drawn from the run's seed by their
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -39,11 +40,8 @@ def switched(time_s: Array, window: tuple[float, float], random: np.random.Gener
     return np.where(passed % 2 == 1, (passed + 1) // 2, 0).astype(np.float64)
 
 
-def _on(minutes: float) -> Drawn:
-    def drawn(time_s: Array, window: tuple[float, float], random: np.random.Generator) -> Array:
-        return (switched(time_s, window, random, minutes) > 0).astype(np.float64)
-
-    return drawn
+def _on(time_s: Array, window: tuple[float, float], random: np.random.Generator, minutes: float) -> Array:
+    return (switched(time_s, window, random, minutes) > 0).astype(np.float64)
 
 
 def _sun(time_s: Array, window: tuple[float, float], random: np.random.Generator) -> Array:
@@ -74,15 +72,15 @@ def _coloured(time_s: Array, memory_s: float, random: np.random.Generator) -> Ar
 
 
 _DRAWN: dict[str, Drawn] = {
-    "radio_on": _on(9.0),
-    "charger_on": _on(25.0),
+    "radio_on": partial(_on, minutes=9.0),
+    "charger_on": partial(_on, minutes=25.0),
     "irradiance_W_m2": _sun,
     "accessory_current_A": _current,
-    "fan_on": _on(20.0),
-    "case_on": _on(30.0),
+    "fan_on": partial(_on, minutes=20.0),
+    "case_on": partial(_on, minutes=30.0),
     "wind_m_s": _wind,
-    "wifi_on": _on(12.0),
-    "gps_on": _on(20.0),
+    "wifi_on": partial(_on, minutes=12.0),
+    "gps_on": partial(_on, minutes=20.0),
     "light_lux": lambda time_s, _, random: np.round(300.0 * np.exp(1.2 * _coloured(time_s, 1200.0, random)), 0),
     "pressure_hPa": lambda time_s, _, random: np.round(1013.0 + 1.5 * _coloured(time_s, 7200.0, random), 2),
 }

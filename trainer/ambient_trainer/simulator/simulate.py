@@ -109,8 +109,14 @@ def simulate_many(
     bare: list[_Key] = [(name, of, ()) for name, of, _ in asked]
     alone: list[_Key] = [(name, of, (each,)) for name, of, hidden in asked for each in hidden]
     every = list(dict.fromkeys([*asked, *bare, *alone] if sizes else asked))
-    planned = {key: _planned(key, period_s, decoys, device, zones or device.main_zones) for key in every}
-    done = dict(zip(planned, logged(list(planned.values()), period_s, progress)))
+    runs_of_all = []
+    for key in every:
+        name, of, hidden = key
+        # random numbers of each one's own, whatever its size and whatever else is hidden
+        named = [(each, f"hidden {each.cause} {each.location} {each.signal} {each.onset_s:g}") for each in hidden]
+        logging = zones or device.main_zones
+        runs_of_all.append(planned((name, of), load_scenario(name), device, logging, period_s, named, decoys))
+    done = dict(zip(every, logged(runs_of_all, period_s, progress)))
     return [_answered(key, done, sizes) for key in asked]
 
 
@@ -204,13 +210,6 @@ def planned(
     }
     acting = [Acting(device, time_s, period_s, signals, each, partial(stream, seed, name)) for each, name in hidden]
     return Planned(*of, run, zones, acting, signals, gains or {})
-
-
-def _planned(key: _Key, period_s: float, decoys: Sequence[str], device: Device, zones: Sequence[Zone]) -> Planned:
-    scenario, seed, hidden = key
-    # random numbers of each one's own, whatever its size and whatever else is hidden
-    named = [(each, f"hidden {each.cause} {each.location} {each.signal} {each.onset_s:g}") for each in hidden]
-    return planned((scenario, seed), load_scenario(scenario), device, zones, period_s, named, decoys)
 
 
 def _answered(key: _Key, done: Mapping[_Key, Logged], sizes: bool) -> Simulated:

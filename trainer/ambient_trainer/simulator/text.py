@@ -18,12 +18,9 @@ from ambient_trainer.simulator.device import Device, load_device
 from ambient_trainer.simulator.hidden import Hidden, checked, effects, outside_faults, run_faults
 from ambient_trainer.simulator.run import stream
 
-Choice = tuple[str | None, str | None]
-"""Place and signal."""
 
-
-def choices(cause: str, device: Device) -> tuple[Choice, ...]:
-    """Where effects of a cause are drawn, and what drives them there: as the device states, or anywhere."""
+def choices(cause: str, device: Device) -> tuple[tuple[str | None, str | None], ...]:
+    """Places where effects of a cause are drawn, and signals that drive them: as the device states, or anywhere."""
     stated = tuple((place.at, signal) for place in device.hidden.get(cause, ()) for signal in place.signals)
     places = effects()[cause].places(device)
     return stated or tuple((place, None) for place in places) or ((None, None),)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from ambient_model.codec import load_model, save_model
-from ambient_studies.lower_bound.bank import fitted, gram, rmse_degC
+from ambient_studies.lower_bound.study import fitted, gram, rmse_degC
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.library.free import FreeFilterEstimator

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Mapping
 from types import ModuleType
 from typing import Annotated, Any, Protocol
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, NonNegativeFloat, PositiveFloat, field_validator
 
 from ambient_model.faults import refuse
 from ambient_trainer.data.plugins import plugin, plugin_names
@@ -32,8 +32,6 @@ from ambient_trainer.laboratory.messages import Reading
 Air = Callable[[float], float]
 """The temperature in degC at a time of the clock."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]*$")]
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
 STEEPEST_K_MIN = 99.9
 
 
@@ -42,7 +40,7 @@ class ChamberLimits(Strict):
 
     low_degC: float
     high_degC: float
-    margin_K: NotNegative = 3.0
+    margin_K: NonNegativeFloat = 3.0
 
     def _wrong(self) -> Iterator[tuple[str, str]]:
         if not self.low_degC < self.high_degC:
@@ -73,10 +71,10 @@ class ChamberSettings(Strict):
 
     kind: str
     port: str
-    period_s: Positive = 10.0
-    timeout_s: Positive = 2.0
-    heating_K_min: Positive = 2.0
-    cooling_K_min: Positive = 1.5
+    period_s: PositiveFloat = 10.0
+    timeout_s: PositiveFloat = 2.0
+    heating_K_min: PositiveFloat = 2.0
+    cooling_K_min: PositiveFloat = 1.5
     lowest_degC: float = -100.0
     highest_degC: float = 250.0
 
@@ -86,8 +84,8 @@ class MultiplexerSettings(Strict):
 
     kind: str
     port: str
-    period_s: Positive = 1.0
-    timeout_s: Positive = 5.0
+    period_s: PositiveFloat = 1.0
+    timeout_s: PositiveFloat = 5.0
     probes: Annotated[dict[Name, Any], Field(min_length=1)]
 
     @field_validator("probes")
@@ -106,8 +104,8 @@ class ThermometerSettings(Strict):
 
     kind: str
     port: str
-    period_s: Positive = 10.0
-    timeout_s: Positive = 1.0
+    period_s: PositiveFloat = 10.0
+    timeout_s: PositiveFloat = 1.0
 
 
 class Driver(Protocol):
@@ -145,16 +143,6 @@ PLAUSIBLE_DEGC = (-60.0, 250.0)
 SET_POINT, AIR, RUNNING = "chamber_set_degC", "chamber_degC", "chamber_on"
 """Columns of a chamber's reading."""
 THERMOMETER_COLUMN = "thermometer_degC"
-
-
-UNITS = {"degC": (1.0, 0.0), "degF": (1.8, 32.0), "K": (1.0, 273.15)}
-"""By unit a and b: the number there is a temperature in degC times a, plus b."""
-
-
-def degC_from(value: float, unit: str) -> float:
-    """A temperature in degC, from one in one of :data:`UNITS`."""
-    scale, zero = UNITS[unit]
-    return round((value - zero) / scale, 7)
 
 
 def probe_column(name: str) -> str:

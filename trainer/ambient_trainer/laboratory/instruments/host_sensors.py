@@ -14,18 +14,11 @@ from concurrent.futures import Future, wait
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, PositiveFloat
 
 from ambient_trainer.data.probe_offsets import ProbeOffset
 from ambient_trainer.data.strict_yaml import wrong
-from ambient_trainer.laboratory.instruments import (
-    PLAUSIBLE_DEGC,
-    Air,
-    MultiplexerSettings,
-    Name,
-    Positive,
-    probe_values,
-)
+from ambient_trainer.laboratory.instruments import PLAUSIBLE_DEGC, Air, MultiplexerSettings, Name, probe_values
 from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse, Reading, in_background
 
 _POWER_ON_DEGC = 85.0
@@ -46,7 +39,7 @@ class Settings(MultiplexerSettings):
 
     kind: Literal["host-sensors"]
     port: str = "/sys"
-    period_s: Positive = 5.0
+    period_s: PositiveFloat = 5.0
     probes: Annotated[dict[Name, Annotated[str, AfterValidator(_a_file)]], Field(min_length=1)]
 
 

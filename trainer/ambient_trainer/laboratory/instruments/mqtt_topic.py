@@ -16,9 +16,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
-from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, UNITS, Air, ThermometerSettings, degC_from
+from ambient_trainer.data.units import to_base
+from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, Air, ThermometerSettings
 from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError, NoResponse, Reading
 
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
@@ -38,8 +39,8 @@ class Settings(ThermometerSettings):
     topic: Annotated[str, Field(pattern=r"^[^#+]{1,80}$")]
     key: str = ""
     unit: Literal["degC", "degF", "K"] = "degC"
-    period_s: Annotated[float, Field(gt=0)] = 1.0
-    timeout_s: Annotated[float, Field(gt=0)] = 120.0
+    period_s: PositiveFloat = 1.0
+    timeout_s: PositiveFloat = 120.0
     user: str | None = None
     password_file: str | None = None
 
@@ -78,7 +79,7 @@ class Driver:
             raise self._failed(newest, Disconnected, _NETWORK)
         at_s, message = newest
         try:
-            value = degC_from(number_in(message, self._settings.key), self._settings.unit)
+            value = round(to_base(number_in(message, self._settings.key), self._settings.unit), 7)
         except (ValueError, TypeError, LookupError) as error:
             hint = "is 'key' the way to the number in it?"
             raise self._failed(repr(message[:80].decode("utf-8", "replace")), InstrumentError, hint) from error
@@ -107,16 +108,14 @@ class Driver:
             if address.scheme == "mqtts":
                 client.tls_set()
             if self._settings.user is not None:
-                client.username_pw_set(self._settings.user, self._password())
+                path = self._settings.password_file
+                password = Path(path).read_text("utf-8").partition("\n")[0] if path else None
+                client.username_pw_set(self._settings.user, password)
             client.connect(address.hostname or "", address.port or _PORTS[address.scheme])
         except OSError as error:
             raise self._failed(error.strerror or str(error), Disconnected, _NETWORK) from error
         client.loop_start()
         self._client = client
-
-    def _password(self) -> str | None:
-        path = self._settings.password_file
-        return Path(path).read_text("utf-8").partition("\n")[0] if path else None
 
     def _connected(self, client: Any, data: object, flags: object, reason: Any, properties: object) -> None:
         if reason.is_failure:
@@ -174,9 +173,9 @@ class Simulated:
                 subscribed = subscribed or packet[0] == 0x82
 
     def _message(self, at_s: float) -> bytes:
-        scale, zero = UNITS[self._settings.unit]
+        zero_degC, one_degC = (to_base(number, self._settings.unit) for number in (0.0, 1.0))
         names = reversed(self._settings.key.split(".") if self._settings.key else ())
-        content: Any = round(scale * self._air(at_s) + zero, 2)
+        content: Any = round((self._air(at_s) - zero_degC) / (one_degC - zero_degC), 2)
         for name in names:
             content = {name: content}
         topic = self._settings.topic.encode()

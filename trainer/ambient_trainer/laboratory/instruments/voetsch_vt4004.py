@@ -13,16 +13,16 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, model_validator
+from pydantic import Field, NonNegativeFloat, model_validator
 
 from ambient_trainer.data.strict_yaml import load_yaml, wrong
 from ambient_trainer.laboratory import serial_line
-from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, ChamberLimits, ChamberSettings, NotNegative
+from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, ChamberLimits, ChamberSettings
 from ambient_trainer.laboratory.messages import Clock, InstrumentError, NoResponse, Reading
 from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
 from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, SerialDriver, SerialLine
@@ -67,7 +67,7 @@ class Settings(ChamberSettings):
     model: str | None = None
     address: Annotated[int, Field(ge=0, le=99)] = 0
     terminator: Literal["CR", "CRLF"] = "CR"
-    pause_s: NotNegative = 0.0
+    pause_s: NonNegativeFloat = 0.0
     lowest_degC: float = -45.0
     highest_degC: float = 185.0
     values: Annotated[int, Field(ge=1, le=20)] | None = None
@@ -170,8 +170,8 @@ class Driver(SerialDriver):
         self._settings, self._limits = settings, limits
         self._layout: Layout | None = None
         self._last: State | None = None
-        self._read_state = self._query(b"I", "a state, values and outputs", self._is_state)
-        self._read_fault = self._query(b"F", "a fault, two digits and text", lambda reply: isinstance(reply, Fault))
+        self._read_state = Query(self._command(b"I"), "a state, values and outputs", self._is_state)
+        self._read_fault = self._query(b"F", "a fault, two digits and text", Fault)
         faults = ", and does it know 'F' (else 'alarms: false')" if settings.alarms else ""
         hint = f"{NoResponse.hint} is its address {settings.address}{faults}?"
         marker, quiet_s = self._read_state, settings.timeout_s
@@ -208,7 +208,7 @@ class Driver(SerialDriver):
         # the second pair is a humidity's, which a chamber without it ignores; some have the outputs in its place
         further = _bits(self._outputs(True)) if self._settings.gradient == "outputs" else _numbers((0.0, 0.0))
         expected = f"'0' to the gradient {up_K_min:.1f} K/min up, {down_K_min:.1f} K/min down"
-        self.line.query(self._query(b"U %s %s" % (_numbers((up_K_min, down_K_min)), further), expected, _is_done))
+        self.line.query(self._query(b"U %s %s" % (_numbers((up_K_min, down_K_min)), further), expected, Done))
 
     def stop(self) -> None:
         default_degC = min(max(20.0, self._limits.low_degC), self._limits.high_degC)
@@ -217,8 +217,8 @@ class Driver(SerialDriver):
     def _command(self, text: bytes) -> bytes:
         return b"$%02d%s%s" % (self._settings.address, text, b"\r\n" if self._settings.terminator == "CRLF" else b"\r")
 
-    def _query(self, text: bytes, expected: str, is_answer: Callable[[Any], bool]) -> Query:
-        return Query(self._command(text), expected, is_answer)
+    def _query(self, text: bytes, expected: str, kind: type) -> Query:
+        return Query(self._command(text), expected, lambda reply: isinstance(reply, kind))
 
     def _is_state(self, reply: object) -> bool:
         """Whether it is a state of the chamber's layout, as far as that is known."""
@@ -265,11 +265,7 @@ class Driver(SerialDriver):
         elif others is None:
             others = (0.0,) * ((self._settings.values or VALUES) - 1)
         command = b"E %s %s" % (_numbers((nominal_degC, *others)), _bits(self._outputs(run)))
-        self.line.query_anyway(self._query(command, expected, _is_done))
-
-
-def _is_done(reply: object) -> bool:
-    return isinstance(reply, Done)
+        self.line.query_anyway(self._query(command, expected, Done))
 
 
 _ANSWERS_AFTER_S = 0.08  # chosen

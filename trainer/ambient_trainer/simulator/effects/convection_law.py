@@ -27,7 +27,7 @@ class ConvectionLaw(Effect):
 
     def magnitude(self, ran: Ran) -> Figure:
         """The exponents by a regression over all affected nodes, each with a factor of its own, weighted by losses."""
-        difference = (ran.driven.nodes_degC[:, ran.places] - ran.air_degC[:, None])[ran.there]
+        difference = (ran.driven.nodes_degC[:, ran.places] - ran.driven.run.air_degC[:, None])[ran.there]
         with_it, without = (loss[ran.there] for loss in ran.losses())
         far = (np.abs(difference) > _LEAST_DIFFERENCE_K) & (with_it * without > 0.0)
         if not far.any():
