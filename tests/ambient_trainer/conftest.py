@@ -51,23 +51,26 @@ def rise():
     return load_circuit(str(CIRCUITS / "rise.yaml"))
 
 
-def one_node(name: str, capacitance_J_K: float, resistance_K_W: float, sources: str = "") -> Circuit:
-    """A node in air, read by a sensor of its name; its parameters are ``C_`` and ``R_`` with its name."""
+def in_air(names: str, capacitance_J_K: float, resistance_K_W: float, sources: str = "") -> Circuit:
+    """Nodes apart in air, each read by a sensor of its name; their parameters are ``C_`` and ``R_`` with the name."""
+    first, *_ = each_name = names.split()
+    nodes = [f"{each}: {{capacitance: C_{each}, sensor: {each}}}" for each in each_name]
+    edges = [f"{{between: [{each}, ambient], resistance: R_{each}}}" for each in each_name]
+    parameters = [f"C_{each}: {{unit: J/K, initial: {capacitance_J_K}}}" for each in each_name]
+    parameters += [f"R_{each}: {{unit: K/W, initial: {resistance_K_W}}}" for each in each_name]
     text = f"""
 format: ambient-circuit
 version: 1
-name: {name}
-about: A node in air
+name: {first}
+about: Nodes in air
 form: temperature
-nodes: {{{name}: {{capacitance: C_{name}, sensor: {name}}}, ambient: {{sensor: ambient}}}}
-edges: [{{between: [{name}, ambient], resistance: R_{name}}}]
+nodes: {{{", ".join(nodes)}, ambient: {{sensor: ambient}}}}
+edges: [{", ".join(edges)}]
 {sources}
 outputs: sensors
-parameters:
-  C_{name}: {{unit: J/K, initial: {capacitance_J_K}}}
-  R_{name}: {{unit: K/W, initial: {resistance_K_W}}}
+parameters: {{{", ".join(parameters)}}}
 """
-    return parse_circuit(text, f"{name}.yaml")
+    return parse_circuit(text, f"{first}.yaml")
 
 
 def run_loop(discrete: StateSpace, inputs: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -9,14 +9,14 @@ from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.later import later_errors
 from ambient_trainer.lti.lag import lagged
 
-from ..conftest import one_node
+from ..conftest import in_air
 
 PERIOD_S, SAMPLES, FROM_S = 10.0, 600, 4000.0
 TIME_S = PERIOD_S * np.arange(SAMPLES)
 
 
 BARE, HEATED = (
-    one_node("cell", 50, 10, source) for source in ("", "sources: [{into: cell, signal: heater_W, share: 1}]")
+    in_air("cell", 50, 10, source) for source in ("", "sources: [{into: cell, signal: heater_W, share: 1}]")
 )
 
 

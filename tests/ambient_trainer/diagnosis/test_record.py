@@ -21,7 +21,7 @@ from ambient_trainer.diagnosis.record import (
     straight,
 )
 
-from ..conftest import one_node
+from ..conftest import in_air
 
 
 def _trace(time_s: np.ndarray, **columns: np.ndarray) -> Trace:
@@ -89,7 +89,7 @@ def test_what_is_simulated_follows_an_air_that_jumps():
     air = np.where((time_s / 1717).astype(int) % 2, 80.0, -30.0)
     A, B = np.array([[-1 / 40]]), np.array([[1 / 40]])
     plate = lsim((A, B, np.eye(1), np.zeros((1, 1))), air, time_s, [air[0]])[1]
-    circuit = forward(one_node("plate", 100, 0.4))
+    circuit = forward(in_air("plate", 100, 0.4))
     (record,) = finely_simulated(circuit, _trace(time_s, ambient_degC=air, plate_degC=plate), 50.0)
     assert (record.samples, record.every) == (800, 10)
     model, start = GreyBox.of(circuit), np.array([[air[0]]])
@@ -102,7 +102,7 @@ def test_what_is_simulated_follows_an_air_that_jumps():
 def test_a_long_log_is_simulated_in_few_enough_steps():
     time_s = np.arange(86_400.0)
     trace = _trace(time_s, ambient_degC=time_s, chip_degC=time_s)
-    (record,) = finely_simulated(forward(one_node("chip", 100, 1)), trace, 50.0)
+    (record,) = finely_simulated(forward(in_air("chip", 100, 1)), trace, 50.0)
     assert (record.samples, record.every, record.simulated.period_s) == (1728, 5, 10.0)
     np.testing.assert_allclose(np.diff(record.sensors[0]), 50.0)
     assert record.simulated.samples <= MOST_STEPS

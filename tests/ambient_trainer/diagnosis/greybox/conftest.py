@@ -11,7 +11,7 @@ from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.model import Number
 from ambient_trainer.diagnosis.record import records
 
-from ...conftest import one_node
+from ...conftest import in_air
 
 PERIOD_S, SAMPLES = 30.0, 1200
 
@@ -24,7 +24,7 @@ def seed() -> int:
 
 @pytest.fixture(scope="session")
 def circuit():
-    return forward(one_node("board", 50, 5))
+    return forward(in_air("board", 50, 5))
 
 
 def heat(driver: str, value: float) -> Heat:

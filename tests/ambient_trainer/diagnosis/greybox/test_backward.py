@@ -6,7 +6,6 @@ from itertools import pairwise
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.forward import forward
@@ -20,27 +19,10 @@ from ambient_trainer.diagnosis.greybox.screening import lasting_candidates
 from ambient_trainer.diagnosis.greybox.stepwise import Selection, bare_fit, continued
 from ambient_trainer.diagnosis.record import records
 
+from ...conftest import in_air
 from .conftest import heat
 
 POINTS = "abcdef"
-NODES, EDGES, NUMBERS = (
-    ", ".join(map(each.format, POINTS))
-    for each in (
-        "{0}: {{capacitance: C_{0}, sensor: {0}}}",
-        "{{between: [{0}, ambient], resistance: R_{0}}}",
-        "C_{0}: {{unit: J/K, initial: 100}}, R_{0}: {{unit: K/W, initial: 5}}",
-    )
-)
-PLATE = f"""
-format: ambient-circuit
-version: 1
-name: points
-form: temperature
-nodes: {{{NODES}, ambient: {{sensor: ambient}}}}
-edges: [{EDGES}]
-outputs: sensors
-parameters: {{{NUMBERS}}}
-"""
 
 
 def together(now, degC):
@@ -77,9 +59,9 @@ def test_nothing_is_left_where_nothing_is_hidden(circuit, simulated, recorded):
     assert eliminated(bare) is None, seed
 
 
-def test_a_plate_below_six_points_warms_one_and_that_the_others():
+def test_a_plate_below_six_points_warms_one_and_that_the_others(seed):
     """No point by itself gains much by the plate: a body behind each did better in a measured pouch cell."""
-    draw = np.random.default_rng(seed := int(np.random.default_rng().integers(1 << 30)))
+    draw = np.random.default_rng(seed)
     time_s = 2.0 * np.arange(600)
     plate_degC = 20.0 + 25.0 * (1 - np.exp(-time_s / 60.0)) * (time_s < draw.uniform(500, 700))
     joined_W_K = np.diag(draw.uniform(0.1, 0.3, 5), 1)
@@ -94,9 +76,8 @@ def test_a_plate_below_six_points_warms_one_and_that_the_others():
     read = solve_ivp(slope, (0, time_s[-1]), np.full(6, 20.0), t_eval=time_s, max_step=2.0).y
     columns = {f"{name}_degC": row + draw.normal(0, 0.01, 600) for name, row in zip(POINTS, read)}
     trace = Trace("plate", time_s, {**columns, "ambient_degC": np.full(600, 20.0), "plate_degC": plate_degC})
-    circuit = forward(parse_circuit(PLATE, "points"))
+    circuit = forward(in_air(" ".join(POINTS), 100, 5))
     found = eliminated(bare_fit(GreyBox.of(circuit), records(trace, circuit.inputs, list(columns), 2.0)))
-    assert found is not None, seed
     joined = {frozenset(each.places[0].split("-")) for each in found.model.mechanisms}
     assert joined == {*map(frozenset, pairwise(POINTS)), frozenset((POINTS[heated], "plate"))}, seed
 

@@ -9,13 +9,10 @@ import pytest
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.greybox.choice import choose
 from ambient_trainer.diagnosis.greybox.expression import Expression
-from ambient_trainer.diagnosis.greybox.mechanisms import coupling
 from ambient_trainer.diagnosis.greybox.mechanisms.coupling import Coupling
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Clock
-from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
-from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
+from ambient_trainer.diagnosis.greybox.model import Number
 
 SENSORS = ("board", "skin")
 FOLDS = 5
@@ -106,16 +103,3 @@ def test_an_offset_that_leaps_is_no_heat_though_more_has_changed(circuit, simula
     step = next(each for each in steps if each.cause.name == "sensor_bias")
     assert step.magnitude.value == pytest.approx(offset_K, abs=0.03), seed
     assert (step.confidence > 0.5, step.indistinguishable_from) == (True, ()), seed
-
-
-def test_no_loss_falls_with_what_heats_or_blows(circuit, simulated, recorded):
-    """It would read as heat does: a laptop's, by the power of its battery."""
-    trace = simulated(6)
-    lamps = {**trace.columns, "lamp_frac": trace.columns["humidity_frac"], "blind_frac": trace.columns["humidity_frac"]}
-    scene = Scene(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=lamps))))
-    by_driver = {each.key[2]: each.numbers[0].low for each in coupling.candidates(scene)}
-    most = {name: row.max() for name, row in scene.records[0].signals.items()}
-    for name in ("current_A", "sun_W_m2", "wind_m_s", "lamp_frac"):
-        assert by_driver[name] * most[name] == pytest.approx(-0.1), name
-    for name in ("humidity_frac", "blind_frac"):
-        assert by_driver[name] * most[name] < -0.9, name

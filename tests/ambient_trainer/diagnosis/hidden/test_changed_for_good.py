@@ -6,7 +6,7 @@ import pytest
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
 
-from ...conftest import one_node
+from ...conftest import in_air
 
 pytestmark = pytest.mark.slow
 
@@ -38,7 +38,7 @@ def heated(random: np.random.Generator) -> tuple[Trace, float, float]:
 
 
 def test_it_is_named_once_and_nothing_else_is_sure():
-    circuit, named = one_node("block", 20, 5), 0
+    circuit, named = in_air("block", 20, 5), 0
     for draw in range(DRAWS):
         trace, on_s, less = heated(np.random.default_rng([8, draw]))
         steps = diagnose(circuit, [trace]).steps
