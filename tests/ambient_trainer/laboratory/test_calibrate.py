@@ -3,34 +3,32 @@ import pytest
 from ambient_trainer.data.probe_offsets import load_offsets
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.evaluation.bath import Settled
-from ambient_trainer.laboratory.calibration import BathRecorder, bath
+from ambient_trainer.laboratory.calibration import bath
 from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.messages import NoResponse
 from refusals import refused
-
-PERIOD_S = 2.0
 
 
 @pytest.fixture
 def instruments():
     """A simulated thermometer and probes in a bath of 20 degC, 200 times as fast."""
     kinds = (settings("greisinger-easybus", port=""), settings("agilent-34970a", port="", probes={"a": 101, "b": 102}))
-    with bath(*kinds, speed=200.0, room_degC=20.0) as made:
+    with bath(*kinds, 2.0, 400.0, speed=200.0, room_degC=20.0) as made:
         yield made
 
 
 def test_a_thermometer_that_never_answers_ends_it_with_its_own_error(instruments):
     instruments.thermometer.read = lambda: (_ for _ in ()).throw(NoResponse("thermometer", "port", "a", "b"))
-    shown: list[str] = []
+    instruments.patience_s, shown = 1e6, []
     with pytest.raises(NoResponse):
-        BathRecorder(instruments, PERIOD_S, 1e6).until_settled(Settled(window_s=60.0), shown.append)
+        instruments.until_settled(Settled(window_s=60.0), shown.append)
     assert any("thermometer on port" in text for text in shown)
 
 
 def test_patience_ends(instruments):
     read = instruments.multiplexer.read
     instruments.multiplexer.read = lambda: read()._replace(values={})
-    faults = refused(BathRecorder(instruments, PERIOD_S, 400.0).until_settled, Settled(), str).faults
+    faults = refused(instruments.until_settled, Settled(), str).faults
     assert [fault.problem.split(" has ")[0] for fault in faults] == ["a", "b"]
 
 

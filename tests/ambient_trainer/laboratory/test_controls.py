@@ -33,7 +33,7 @@ class Controlled:
         port = self.simulated.port
         limits = ChamberLimits(low_degC=-20.0, high_degC=60.0)
         driver = voetsch.Driver(settings("voetsch-vt4004", port=port), self.clock, limits)
-        self.control = ChamberControl(driver, self.clock, self.posted.put, 10.0, target, False, 120.0)
+        self.control = ChamberControl(driver, self.clock, self.posted.put, 10.0, target, 120.0)
         self.control.start()
         self.until(lambda: self.control.confirmed)
         return self

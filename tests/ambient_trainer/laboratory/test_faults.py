@@ -18,7 +18,7 @@ import yaml
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.journal import read_journal
-from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, MULTIPLEXER, Clock
+from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, MULTIPLEXER, Clock, Sample
 from ambient_trainer.laboratory.simulation import simulated_laboratory
 
 SPEED = 60.0
@@ -85,7 +85,7 @@ def test_killed_at_any_moment_it_goes_on_with_the_last_scan_and_the_right_time(c
             data = journal.read_bytes()
             assert data.startswith(kept), "what was acknowledged was changed"
             kept = data[: data.rfind(b"\n") + 1]
-            samples, words = read_journal(str(journal)).samples, ("resume",)
+            samples, words = read_journal(str(journal)).of(Sample), ("resume",)
             found = [each for each in samples if each.source == MULTIPLEXER]
             tried = 2 if life == 0 else 0  # before a run begins
             assert len(scans) - tried - (len(found) - known) <= 1, "the last scan at most"
@@ -99,7 +99,7 @@ def test_killed_at_any_moment_it_goes_on_with_the_last_scan_and_the_right_time(c
         assert collector.wait() == 0, collector.lines
         assert collector.lines[-1] == "end stopped True"
         assert there.chamber.held_degC == SAFE_DEGC
-    samples = read_journal(str(journal)).samples
+    samples = read_journal(str(journal)).of(Sample)
     assert len({(entry.source, entry.asked_s) for entry in samples}) == len(samples), "none stands twice"
     # the phone's uptime goes on whatever happens here: what it is ahead of the run's time stays, to a period
     ahead_s = [entry.values[CLOCK_OFFSET] for entry in samples if entry.source == DEVICE]

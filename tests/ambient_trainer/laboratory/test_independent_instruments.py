@@ -34,7 +34,7 @@ from ambient_trainer.laboratory import workers
 from ambient_trainer.laboratory.collect import resume
 from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.journal import read_journal
-from ambient_trainer.laboratory.messages import MULTIPLEXER, InstrumentError
+from ambient_trainer.laboratory.messages import MULTIPLEXER, InstrumentError, Sample
 from ambient_trainer.laboratory.run import Ending
 from ambient_trainer.laboratory.watchdog import Watchdog
 
@@ -522,7 +522,7 @@ def test_after_a_crash_the_gradient_is_lifted_at_an_even_pace_and_each_step_is_l
     made = chamber(slopes=slopes)
     made.wanted, made.bits, made.began, made.slope = 50.0, "01" + "0" * 30, 50.0, 6.0 if slopes == "pair" else 0.0
     log = tmp_path / "safety.log"
-    dog = Watchdog(given(made.port), 20.0, True, str(log))
+    dog = Watchdog(given(made.port), workers.Target(20.0, 0.0, urgent=True), str(log))
     process = subprocess.Popen(dog.argv, stdin=subprocess.PIPE)
     process.stdin.close()
     began_s = time.monotonic()
@@ -580,7 +580,7 @@ def test_whatever_instruments_answer_no_reading_is_wrong_and_the_chamber_ends_sa
     named = given(made.port, **campaign)
     columns |= {"thermometer_degC": 0, **({"chamber_degC": 0} if named.alarms or named.marker else {})}
     checked = dict.fromkeys(columns, 0)
-    samples = read_journal(str(night.kept)).samples
+    samples = read_journal(str(night.kept)).of(Sample)
     for sample in samples:
         low_degC, high_degC = held(night, sample.asked_s, sample.answered_s)
         for name in columns.keys() & sample.values.keys():

@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambient_trainer.laboratory.campaign import ChamberLimits, Safety
-from ambient_trainer.laboratory.program import Program, Reached, SafetyLimits
+from ambient_trainer.laboratory.messages import StepBegan
+from ambient_trainer.laboratory.program import Program, SafetyLimits
 from ambient_trainer.simulator.scenario import Settle, Step
 
 
@@ -33,16 +34,16 @@ def test_delays_of_who_asks_do_not_add_up(minutes, every_s):
     program = Program([timed(each) for each in minutes], 0.0)
     found = run(program, 60.0 * sum(minutes) + 2 * every_s, lambda t: None, every_s=every_s)
     ends = [60.0 * sum(minutes[: k + 1]) for k in range(len(minutes))]
-    assert [each.at_s for each in found] == pytest.approx(ends)
-    assert [each.step for each in found] == list(range(1, len(minutes) + 1))
+    assert [each.at_s for each, _ in found] == pytest.approx(ends)
+    assert [each.step for each, _ in found] == list(range(1, len(minutes) + 1))
     assert program.over
 
 
 def test_a_run_goes_on_in_the_middle_of_a_step():
     program = Program([timed(1), timed(10), timed(1)], 5000.0, step=1, elapsed_s=400.0)
     assert program.advance(5199.0) == []
-    assert program.advance(5201.0) == [Reached(2, 5200.0, False)]
-    assert program.advance(6000.0) == [Reached(3, 5260.0, False)]
+    assert program.advance(5201.0) == [(StepBegan(5200.0, 2, 0.0), False)]
+    assert program.advance(6000.0) == [(StepBegan(5260.0, 3, 0.0), False)]
 
 
 @pytest.mark.parametrize(
@@ -59,7 +60,7 @@ def test_a_run_goes_on_in_the_middle_of_a_step():
     ids=["swings", "gap", "zones missing", "given up", "duration is longer", "settling is longer", "desk"],
 )
 def test_when_a_steady_state_ends_a_step(step, ambient, zones, end):
-    assert run(Program([step], 0.0), 5000, ambient, zones) == [Reached(1, *end)]
+    assert run(Program([step], 0.0), 5000, ambient, zones) == [(StepBegan(end[0], 1, 0.0), end[1])]
 
 
 SAFETY = Safety(

@@ -11,13 +11,14 @@ from ambient_trainer.laboratory.instruments import ChamberLimits, settings
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Simulated
 from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.laboratory.watchdog import Watchdog
+from ambient_trainer.laboratory.workers import Target
 from breaking import mute
 
 SAFE_DEGC = 20.0
 
 
 def watchdog_at(port):
-    return Watchdog(settings("voetsch-vt4004", port=port, timeout_s=1.0), SAFE_DEGC, False, "/dev/null")
+    return Watchdog(settings("voetsch-vt4004", port=port, timeout_s=1.0), Target(SAFE_DEGC, urgent=True), "/dev/null")
 
 
 def driver_at(port):
@@ -61,7 +62,7 @@ def test_the_end_of_the_pipe_is_a_death_also_with_the_chamber_away(chamber, proc
 def test_it_takes_over_where_it_is_asked_to_or_after_an_error(chamber, error, taken_over, held_degC):
     with contextlib.suppress(KeyError), watchdog_at(chamber.port) as watchdog:
         if taken_over:
-            watchdog.takes_over = True
+            watchdog.take_over()
         if error:
             raise error
     assert watchdog.process.wait(timeout=30) == 0

@@ -6,7 +6,8 @@ What a record of it gives is in :mod:`ambient_trainer.evaluation.bath`.
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import Any
 
 import pandas as pd
 
@@ -25,9 +26,11 @@ SPEED = 100.0
 _BATH = Chamber(heating_K_min=1e4, cooling_K_min=1e4, wobble_degC=0.0, settling_s=120.0, draught_degC=0.0)  # chosen
 
 
-class BathInstruments(NamedTuple):
-    """The reference and the probes in one bath; ``go_to`` brings it to its temperature 0, 1, 2 and so on.
+@dataclass(eq=False)
+class Bath:
+    """The reference and the probes in one bath, which ``go_to`` brings to its temperature 0, 1, 2 and so on.
 
+    They are read every ``period_s``, and all readings are kept; a temperature has ``patience_s`` to settle in.
     ``errors_K`` is what the probes read too much, where that is known.
     """
 
@@ -36,23 +39,85 @@ class BathInstruments(NamedTuple):
     probes: tuple[str, ...]
     clock: Clock
     go_to: Callable[[int], None]
-    errors_K: Mapping[str, float] | None = None
+    errors_K: Mapping[str, float] | None
+    period_s: float
+    patience_s: float
+    _rows: dict[float, dict[str, float | None]] = field(default_factory=dict, init=False)
 
     def identify(self) -> str:
         """The reference by its number; raises :class:`InstrumentError` where either instrument does not answer."""
         self.multiplexer.read()
         return self.thermometer.identify()
 
+    def record(self) -> pd.DataFrame:
+        """What was read so far, from the first sample on."""
+        columns = {kinds.probe_column(name): name for name in self.probes}
+        columns = {kinds.THERMOMETER_COLUMN: REFERENCE, **columns}
+        table = pd.DataFrame.from_dict(self._rows, orient="index", columns=list(columns), dtype=float)
+        return table.rename(columns=columns).set_axis(table.index - min(self._rows, default=0.0))
+
+    def windows(
+        self, count: int, settled: Settled, show: Callable[[str], None], record_path: str | None
+    ) -> list[pd.DataFrame]:
+        """The settled window of each of ``count`` temperatures; all readings go to ``record_path``, also of a failure.
+
+        ``show`` gets a line at each sample; for errors see :meth:`until_settled`.
+        """
+        found: list[pd.DataFrame] = []
+        try:
+            for point in range(count):
+                self.go_to(point)
+                head = f"bath {point + 1} of {count}"
+                found.append(self.until_settled(settled, lambda text, head=head: show(f"{head}, {text}")))  # type: ignore[misc]
+        finally:
+            if record_path is not None:
+                save_bath(self.record(), record_path)
+        return found
+
+    def until_settled(self, settled: Settled, show: Callable[[str], None]) -> pd.DataFrame:
+        """The window in which the bath is settled; ``show`` gets its temperature at each sample, and what it lacks.
+
+        Raises :class:`~ambient_model.faults.Refused` where patience ends, and an instrument's
+        :class:`InstrumentError` where it did not answer in a whole window.
+        """
+        first, began_s = len(self._rows), self.clock.now_s()
+        due_s = answered_s = began_s
+        while True:
+            failure, at_s, values = None, self.clock.now_s(), dict[str, float | None]()
+            for each in (self.thermometer, self.multiplexer):
+                try:
+                    values.update(each.read().values)
+                except InstrumentError as error:  # a missing value
+                    failure = error
+            self._rows[at_s] = values
+            window = last_window(self.record().iloc[first:], settled)
+            reasons = unsettled(window, settled)
+            lacking = "; ".join([str(failure), *reasons] if failure else reasons) or "settled"
+            show(f"{window[REFERENCE].iloc[-1]:.2f} degC: {lacking}")
+            if not reasons:
+                return window
+            now_s = self.clock.now_s()
+            if failure is None:
+                answered_s = now_s
+            elif now_s - answered_s > settled.window_s:
+                raise failure
+            if now_s - began_s > self.patience_s:
+                raise settled.refusal("the bath", reasons)
+            due_s = max(due_s + self.period_s, self.clock.now_s())
+            self.clock.sleep(due_s - self.clock.now_s())
+
 
 @contextlib.contextmanager
 def bath(
     thermometer: kinds.ThermometerSettings,
     multiplexer: kinds.MultiplexerSettings,
+    period_s: float,
+    patience_s: float,
     go_to: Callable[[int], None] | None = None,
     speed: float = SPEED,
     room_degC: float = 22.0,
-) -> Iterator[BathInstruments]:
-    """Two instruments at their ports, closed in the end.
+) -> Iterator[Bath]:
+    """Two instruments at their ports in a :class:`Bath`, closed in the end.
 
     Without ``go_to`` both are simulated, ``speed`` times as fast, and their bath goes to :data:`BATHS_DEGC`.
     """
@@ -71,82 +136,7 @@ def bath(
             errors_K = there[1].errors_K
             go_to = lambda point: water.drive(clock.now_s(), BATHS_DEGC[point])  # noqa: E731
         reference, probes = opened("Driver", clock)
-        yield BathInstruments(reference, probes, tuple(multiplexer.probes), clock, go_to, errors_K)
-
-
-class BathRecorder:
-    """Reads the instruments every ``period_s``, and keeps all readings of one run; a bath has ``patience_s``."""
-
-    def __init__(self, instruments: BathInstruments, period_s: float, patience_s: float) -> None:
-        self._instruments, self._period_s, self._patience_s = instruments, period_s, patience_s
-        self._clock, self._began_s = instruments.clock, instruments.clock.now_s()
-        self._rows: dict[float, dict[str, float | None]] = {}
-
-    def record(self) -> pd.DataFrame:
-        """What was read so far."""
-        columns = {
-            kinds.THERMOMETER_COLUMN: REFERENCE,
-            **{kinds.probe_column(name): name for name in self._instruments.probes},
-        }
-        table = pd.DataFrame.from_dict(self._rows, orient="index", columns=list(columns), dtype=float)
-        return table.rename(columns=columns)
-
-    def windows(
-        self, count: int, settled: Settled, show: Callable[[str], None], record_path: str | None
-    ) -> list[pd.DataFrame]:
-        """The settled window of each of ``count`` temperatures; all readings go to ``record_path``, also of a failure.
-
-        ``show`` gets a line at each sample; for errors see :meth:`until_settled`.
-        """
-        found: list[pd.DataFrame] = []
-        try:
-            for point in range(count):
-                self._instruments.go_to(point)
-                head = f"bath {point + 1} of {count}"
-                found.append(self.until_settled(settled, lambda text, head=head: show(f"{head}, {text}")))  # type: ignore[misc]
-        finally:
-            if record_path is not None:
-                save_bath(self.record(), record_path)
-        return found
-
-    def until_settled(self, settled: Settled, show: Callable[[str], None]) -> pd.DataFrame:
-        """The window in which the bath is settled; ``show`` gets its temperature at each sample, and what it lacks.
-
-        Raises :class:`~ambient_model.faults.Refused` where patience ends, and an instrument's
-        :class:`InstrumentError` where it did not answer in a whole window.
-        """
-        first, began_s = len(self._rows), self._clock.now_s()
-        due_s = answered_s = began_s
-        while True:
-            failure = self._sample()
-            window = last_window(self.record().iloc[first:], settled)
-            reasons = unsettled(window, settled)
-            lacking = "; ".join([str(failure), *reasons] if failure else reasons) or "settled"
-            show(f"{window[REFERENCE].iloc[-1]:.2f} degC: {lacking}")
-            if not reasons:
-                return window
-            now_s = self._clock.now_s()
-            if failure is None:
-                answered_s = now_s
-            elif now_s - answered_s > settled.window_s:
-                raise failure
-            if now_s - began_s > self._patience_s:
-                raise settled.refusal("the bath", reasons)
-            due_s = max(due_s + self._period_s, self._clock.now_s())
-            self._clock.sleep(due_s - self._clock.now_s())
-
-    def _sample(self) -> InstrumentError | None:
-        """Read both; a failure is a missing value, and returned."""
-        failure = None
-        values: dict[str, float | None] = {}
-        at_s = self._clock.now_s() - self._began_s
-        for each in (self._instruments.thermometer, self._instruments.multiplexer):
-            try:
-                values.update(each.read().values)
-            except InstrumentError as error:
-                failure = error
-        self._rows[at_s] = values
-        return failure
+        yield Bath(reference, probes, tuple(multiplexer.probes), clock, go_to, errors_K, period_s, patience_s)
 
 
 def report_of(

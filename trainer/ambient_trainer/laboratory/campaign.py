@@ -85,10 +85,7 @@ class Ambient(Strict):
 
 
 class PowerSupply(Strict):
-    """The battery's gauge: attribute to column.
-
-    ``charging_is`` is this vendor's sign of a charging current; a trace's is positive into the battery.
-    """
+    """The battery's gauge; ``charging_is`` is the sign of a charging current here, which is positive in a trace."""
 
     name: Name
     columns: Annotated[dict[Literal["temp", "current_now", "voltage_now"], _Column], Field(min_length=1)]
@@ -171,10 +168,7 @@ class Laboratory(Strict):
 
 
 class Campaign(Scenario):
-    """A laboratory and the program that it runs through.
-
-    The trace has a row each ``period_s``. It begins after the steps of ``before``, which are logged beside it.
-    """
+    """A laboratory and its program; the trace begins after the steps of ``before``, which are logged beside it."""
 
     format: Literal["ambient-campaign"]
     version: Literal[1]
@@ -186,9 +180,9 @@ class Campaign(Scenario):
         return (*self.laboratory.device.columns, REFERENCE, *self.laboratory.signals)
 
     @property
-    def gradients(self) -> bool:
-        """Whether any step limits how fast the set point moves; else the chamber's own gradients stay as they are."""
-        return any(step.gradient_K_min is not None for step in self.program)
+    def no_gradient_K_min(self) -> float | None:
+        """What lifts a gradient; None where no step has one, so that the chamber's own gradients stay as they are."""
+        return 0.0 if any(step.gradient_K_min is not None for step in self.program) else None
 
     def step_name(self, index: int) -> str:
         """A step of the program for a table: its number, from 1 on, in ``before`` or in the recording."""
@@ -208,10 +202,7 @@ class LoadedCampaign(NamedTuple):
 
 
 def load_campaign(path: str, ports: bool = True) -> LoadedCampaign:
-    """The campaign in the YAML file at ``path``, with the offsets of its probes.
-
-    With ``ports``, one that is not there is a fault; raises :class:`Refused` with every fault in it.
-    """
+    """The campaign of a file; raises :class:`Refused` with every fault, with ``ports`` also where one is not there."""
     data = load_yaml(path)
     if not isinstance(data, dict):
         raise refuse(path, "", "holds no campaign", "start from one that is shipped: see the README")
@@ -222,7 +213,7 @@ def load_campaign(path: str, ports: bool = True) -> LoadedCampaign:
         data = {**data, "laboratory": load_yaml(files[-1])}
     offsets: Mapping[str, ProbeOffset] = {}
     model, faults = _model_for(data)
-    if isinstance(named := _at(data, "laboratory", "ambient", "offsets"), str):
+    if isinstance(named := _at(data, "laboratory.ambient.offsets"), str):
         files.append(os.path.join(folder, named))
         try:
             offsets = load_offsets(files[-1])
@@ -239,7 +230,7 @@ def _model_for(data: Any) -> tuple[type[Campaign], list[Fault]]:
     settings: dict[str, Any] = {}
     faults = []
     for role in kinds.ROLES:
-        kind, known = _at(data, "laboratory", "instruments", role, "kind"), kinds.settings_by_kind(role)
+        kind, known = _at(data, f"laboratory.instruments.{role}.kind"), kinds.settings_by_kind(role)
         if isinstance(kind, str):
             settings[role] = (known.get(kind, Any), ...)
             if kind not in known:
@@ -251,31 +242,27 @@ def _model_for(data: Any) -> tuple[type[Campaign], list[Fault]]:
 
 
 def faults_between(data: Any, ports: bool, offsets: Iterable[str] = ()) -> Iterator[Fault]:
-    """Every such fault in the ``data`` of a campaign file; ``ports``: also where a port is not there.
-
-    The data may be of any form: what is no campaign's is another check's fault.
-    """
-    laboratory = _mapping(data, "laboratory")
-    instruments, safety = _mapping(laboratory, "instruments"), _mapping(laboratory, "safety")
-    probes = _mapping(instruments, MULTIPLEXER, "probes") if instruments.get(MULTIPLEXER) else {THERMOMETER: None}
-    actions, signals = _mapping(laboratory, "actions"), _mapping(laboratory, "signals")
+    """Faults between parts of a campaign's ``data``, of any form; ``ports``: also where a port is not there."""
+    laboratory = _at(data, "laboratory", dict)
+    instruments, safety = _at(laboratory, "instruments", dict), _at(laboratory, "safety", dict)
+    probes = _at(instruments, f"{MULTIPLEXER}.probes", dict) if instruments.get(MULTIPLEXER) else {THERMOMETER: None}
+    actions, signals = _at(laboratory, "actions", dict), _at(laboratory, "signals", dict)
     yield from _port_faults(instruments, ports)
     if instruments and not any(instruments.get(role) for role in (MULTIPLEXER, THERMOMETER)):
         yield Fault("laboratory.instruments", "nothing measures the ambient", "add a multiplexer or a thermometer")
     if probes:
-        yield from _unknown("laboratory.ambient.probes", _sequence(laboratory, "ambient", "probes"), probes, "probe")
+        yield from _unknown("laboratory.ambient.probes", _at(laboratory, "ambient.probes", list), probes, "probe")
     calibrated = () if THERMOMETER in probes else probes
-    yield from (
-        each._replace(place="laboratory.ambient.offsets") for each in _unknown("", offsets, calibrated, "probe")
-    )
+    for each in _unknown("", offsets, calibrated, "probe"):
+        yield each._replace(place="laboratory.ambient.offsets")
     yield from _column_faults(laboratory)
     for name, action in actions.items():
-        yield from _unknown(f"laboratory.actions.{name}.signals", _mapping(action, "signals"), signals, "signal")
+        yield from _unknown(f"laboratory.actions.{name}.signals", _at(action, "signals", dict), signals, "signal")
     set_points = {f"laboratory.safety.{key}": safety.get(key) for key in ("set_point_degC", "chamber")}
     for part in ("before", "steps"):
-        for index, step in enumerate(_sequence(data, part)):
+        for index, step in enumerate(_at(data, part, list)):
             set_points[f"{part}[{index}].chamber_degC"] = _at(step, "chamber_degC")
-            yield from _unknown(f"{part}[{index}].load", _sequence(step, "load"), actions, "action")
+            yield from _unknown(f"{part}[{index}].load", _at(step, "load", list), actions, "action")
     if instruments:
         yield from _set_point_faults(set_points, instruments.get(CHAMBER) is not None, safety)
 
@@ -301,47 +288,36 @@ def _port_faults(instruments: dict[Any, Any], ports: bool) -> Iterator[Fault]:
 
 
 def _column_faults(laboratory: dict[Any, Any]) -> Iterator[Fault]:
-    zones = _mapping(laboratory, "device", "zones")
-    supply = _mapping(laboratory, "device", "power_supply", "columns")
+    zones = _at(laboratory, "device.zones", dict)
+    supply = _at(laboratory, "device.power_supply.columns", dict)
     places = {f"laboratory.device.zones.{zone}": column for zone, column in zones.items()}
     places |= {f"laboratory.device.power_supply.columns.{name}": column for name, column in supply.items()}
-    places |= {f"laboratory.signals.{column}": column for column in _mapping(laboratory, "signals")}
+    places |= {f"laboratory.signals.{column}": column for column in _at(laboratory, "signals", dict)}
     owners = {REFERENCE: "the reference", "time_s": "the time"}
     for place, column in places.items():
         if isinstance(column, str) and (owner := owners.setdefault(column, place)) != place:
             yield Fault(place, f"{column!r} is {owner}, too", "give each column a name of its own")
     known = [column for column in [*zones.values(), *supply.values()] if str(column).endswith("_degC")]
-    limits = _mapping(laboratory, "safety", "device_high_degC")
+    limits = _at(laboratory, "safety.device_high_degC", dict)
     yield from _unknown("laboratory.safety.device_high_degC", limits, known, "temperature")
 
 
 def _set_point_faults(values: Mapping[str, Any], chamber: bool, safety: dict[Any, Any]) -> Iterator[Fault]:
     """What a chamber needs and is not there, the same without a chamber, and set points outside its limits."""
-    low, high = (_at(safety, "chamber", key) for key in ("low_degC", "high_degC"))
-    low, high = (limit if _is_number(limit) else None for limit in (low, high))
+    low, high = (_at(safety, f"chamber.{key}") for key in ("low_degC", "high_degC"))
+    low, high = (limit if type(limit) in (int, float) else None for limit in (low, high))
     for place, value in values.items():
         if value is None and chamber:
             yield Fault(place, "missing", "add it: there is a chamber")
         elif value is not None and not chamber:
             yield Fault(place, "there is no chamber", "remove it, or add 'laboratory.instruments.chamber'")
-        elif _is_number(value) and ((low is not None and value < low) or (high is not None and value > high)):
+        elif type(value) in (int, float) and ((low is not None and value < low) or (high is not None and value > high)):
             within = f"{'?' if low is None else f'{low:g}'} to {'?' if high is None else f'{high:g}'} degC"
             yield Fault(place, f"{value:g} degC is outside the chamber's limits", f"stay within {within}")
 
 
-def _at(data: Any, *keys: str) -> Any:
-    for key in keys:
+def _at(data: Any, path: str, kind: type = object) -> Any:
+    """What stands at the dotted ``path``; where that is not of a ``kind``, an empty one."""
+    for key in path.split("."):
         data = data.get(key) if isinstance(data, dict) else None
-    return data
-
-
-def _mapping(data: Any, *keys: str) -> dict[Any, Any]:
-    return inner if isinstance(inner := _at(data, *keys), dict) else {}
-
-
-def _sequence(data: Any, *keys: str) -> list[Any]:
-    return inner if isinstance(inner := _at(data, *keys), list) else []
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    return data if isinstance(data, kind) else kind()

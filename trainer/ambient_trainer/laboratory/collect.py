@@ -14,6 +14,7 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import wait
 from datetime import datetime, timezone
+from functools import partial
 from typing import NamedTuple
 
 import pandas as pd
@@ -21,12 +22,14 @@ import pandas as pd
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Trace, save_trace
+from ambient_trainer.laboratory import messages
 from ambient_trainer.laboratory.campaign import Campaign, Laboratory, LoadedCampaign
 from ambient_trainer.laboratory.journal import Head, Journal, Record, read_journal
-from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Clock, Identity, LoadState, Note, in_background
+from ambient_trainer.laboratory.messages import DEVICE, Clock, Note, Sample, StepBegan, in_background
 from ambient_trainer.laboratory.program import Program
-from ambient_trainer.laboratory.run import Ending, Equipment, Outcome, Run, Supervision, equipment_of, identify
+from ambient_trainer.laboratory.run import Ending, Outcome, Run, Supervision, equipment_of, identify
 from ambient_trainer.laboratory.watchdog import Watchdog
+from ambient_trainer.laboratory.workers import Target
 
 _POLL_S = 0.1
 
@@ -62,8 +65,9 @@ def laboratory_path(output: str) -> str:
 
 def collect(job: Job, supervision: Supervision) -> Collected:
     """Run the campaign from its beginning; raises :class:`Refused` before anything moves."""
+    head = partial(Head.now, job.loaded.name, job.loaded.sha256, job.speed, job.simulated)
     if os.path.exists(journal_path(job.output)):
-        Journal(journal_path(job.output), _head(job))  # is refused, with what to do about it
+        Journal(journal_path(job.output), head())  # is refused, with what to do about it
     clock = Clock(job.speed)
     equipment = equipment_of(job.loaded, clock, job.environment)
     try:
@@ -71,54 +75,60 @@ def collect(job: Job, supervision: Supervision) -> Collected:
         while not wait([found], _POLL_S).done:
             if why := supervision.stopping():
                 raise refuse("the laboratory", "", why, "nothing was moved")
-        identities, slow = found.result()
+        entries = found.result()
     except BaseException:
-        equipment.close()
+        for driver, _ in equipment.values():
+            driver.close()
         raise
     clock.set(0.0)
-    journal = Journal(journal_path(job.output), _head(job))
-    for identity in identities:
-        journal.add(identity)
-    for text in slow:
-        journal.add(Note(0.0, text))
-        supervision.show(0.0, text)
-    return _run(job, equipment, journal, clock, Program(job.loaded.campaign.program, 0.0), supervision)
+    journal = Journal(journal_path(job.output), head())
+    for entry in entries:
+        journal.add(entry)
+        if isinstance(entry, Note):
+            supervision.show(*entry)
+    campaign = job.loaded.campaign
+    return _run(job, Run(campaign, equipment, clock, journal, Program(campaign.program, 0.0), supervision))
 
 
 def resume(job: Job, supervision: Supervision) -> Collected:
     """Go on with the run whose journal is there; raises :class:`Refused` where it is another campaign's."""
-    record = read_journal(journal_path(job.output))
-    _check_same(job, record)
-    campaign = job.loaded.campaign
-    last_s, left = record.last_s, record.left
+    record, campaign = read_journal(journal_path(job.output)), job.loaded.campaign
+    head, last_s, left = record.head, record.last_s, record.left
+    if head.sha256 != job.loaded.sha256:
+        problem = f"holds a run of campaign {head.campaign!r} as it was with SHA-256 {head.sha256[:12]}"
+        hint = f"{job.loaded.path} is another, or was changed since: give the one that it began with"
+        raise refuse(journal_path(job.output), "", problem, hint)
+    if (head.simulated, head.speed) != (job.simulated, job.speed):
+        began = f"--simulate --speed {head.speed:g}" if head.simulated else "real instruments"
+        raise refuse(journal_path(job.output), "", f"holds a run that began with {began}", "resume it the same way")
     if left.step >= len(campaign.program):  # only the trace is missing
         return _written(job, Outcome(Ending.FINISHED, "finished", None, True))
     journal = Journal(journal_path(job.output))
     # the calendar may have been set back in between: time goes on all the same
-    now_s = max(record.head.now_s(), last_s + campaign.period_s)
+    now_s = max(head.now_s(), last_s + campaign.period_s)
     clock = Clock(job.speed)
     clock.set(now_s)
-    journal.add(LoadState(last_s, None))
+    journal.add(messages.LoadState(last_s, None))
     journal.add(Note(now_s, f"resumed after {now_s - last_s:.0f} s"))
     program = Program(campaign.program, now_s, left.step, left.elapsed_s)
-    return _run(job, equipment_of(job.loaded, clock, job.environment), journal, clock, program, supervision)
+    equipment = equipment_of(job.loaded, clock, job.environment)
+    return _run(job, Run(campaign, equipment, clock, journal, program, supervision))
 
 
-def _run(
-    job: Job, equipment: Equipment, journal: Journal, clock: Clock, program: Program, supervision: Supervision
-) -> Collected:
+def _run(job: Job, run: Run) -> Collected:
     campaign = job.loaded.campaign
     chamber, safe_degC = campaign.laboratory.instruments.chamber, campaign.laboratory.safety.set_point_degC
     with contextlib.ExitStack() as stack:
-        stack.callback(journal.close)
+        stack.callback(run.journal.close)
         watchdog = None
         # a simulated chamber ends with this process
         if chamber is not None and safe_degC is not None and not job.simulated:
             log_path = os.path.abspath(f"{job.output}.safety.log")
-            watchdog = stack.enter_context(Watchdog(chamber, safe_degC, campaign.gradients, log_path))
-        outcome = Run(campaign, equipment, clock, journal, program, supervision).conduct()
+            safe = Target(safe_degC, campaign.no_gradient_K_min, urgent=True)
+            watchdog = stack.enter_context(Watchdog(chamber, safe, log_path))
+        outcome = run.conduct()
         if watchdog is not None and not outcome.safe:
-            watchdog.takes_over = True
+            watchdog.take_over()
     return _written(job, outcome)
 
 
@@ -139,23 +149,8 @@ def _written(job: Job, outcome: Outcome) -> Collected:
     return Collected(outcome, record, trace)
 
 
-def _head(job: Job) -> Head:
-    return Head.now(job.loaded.name, job.loaded.sha256, job.speed, job.simulated)
-
-
-def _check_same(job: Job, record: Record) -> None:
-    head = record.head
-    if head.sha256 != job.loaded.sha256:
-        problem = f"holds a run of campaign {head.campaign!r} as it was with SHA-256 {head.sha256[:12]}"
-        hint = f"{job.loaded.path} is another, or was changed since: give the one that it began with"
-        raise refuse(journal_path(job.output), "", problem, hint)
-    if (head.simulated, head.speed) != (job.simulated, job.speed):
-        began = f"--simulate --speed {head.speed:g}" if head.simulated else "real instruments"
-        raise refuse(journal_path(job.output), "", f"holds a run that began with {began}", "resume it the same way")
-
-
 def _notes(job: Job, record: Record, outcome: Outcome) -> dict[str, str]:
-    """What a reader of the trace has to know."""
+    """What a reader of the trace has to know, with how long answers took, and how far the device's clock was ahead."""
     loaded = job.loaded
     began = datetime.fromtimestamp(record.head.began_unix_s, timezone.utc)
     notes = {
@@ -165,24 +160,17 @@ def _notes(job: Job, record: Record, outcome: Outcome) -> dict[str, str]:
         "program_began": began.isoformat(timespec="seconds"),
         "complete": "yes" if outcome.finished else f"no: {outcome.why}",
     }
-    notes.update({entry.source: entry.text for entry in record.entries if isinstance(entry, Identity)})
+    notes.update({entry.source: entry.text for entry in record.of(messages.Identity)})
     probes = [name for name in loaded.campaign.laboratory.ambient.probes if name in loaded.offsets]
     notes["offsets"] = "; ".join(f"{name} {loaded.offsets[name]}" for name in probes) or "none"
-    return {**notes, **_delays(record)}
-
-
-def _delays(record: Record) -> dict[str, str]:
-    """How long answers took, and what the device's clock was ahead of the run's."""
     took_s: dict[str, list[float]] = {}
     offsets: list[tuple[float, float]] = []
-    for each in record.samples:
+    for each in record.of(Sample):
         took_s.setdefault(each.source, []).append(each.answered_s - each.asked_s)
-        if each.source == DEVICE and (offset_s := each.values.get(CLOCK_OFFSET)) is not None:
+        if each.source == DEVICE and (offset_s := each.values.get(messages.CLOCK_OFFSET)) is not None:
             offsets.append((each.answered_s - each.asked_s, offset_s))
-    notes = {
-        f"{source}_delay_s": f"median {sorted(delays)[len(delays) // 2]:.4f}, worst {max(delays):.4f}"
-        for source, delays in took_s.items()
-    }
+    for source, delays in took_s.items():
+        notes[f"{source}_delay_s"] = f"median {sorted(delays)[len(delays) // 2]:.4f}, worst {max(delays):.4f}"
     if offsets:
         delay_s, offset_s = min(offsets)  # the quickest answer leaves the least doubt
         drift_s = offsets[-1][1] - offsets[0][1]
@@ -211,7 +199,7 @@ class Grid(NamedTuple):
 
 def grid_of(record: Record, campaign: Campaign) -> Grid | None:
     """The rows' times, whose zero is the beginning of the recording; None where there was none."""
-    began = next((each for each in record.steps if each.step >= len(campaign.before)), None)
+    began = next((each for each in record.of(StepBegan) if each.step >= len(campaign.before)), None)
     if began is None:
         return None
     # on the samplers' own schedule, so that a sample which comes a little late does not change its row
@@ -222,10 +210,10 @@ def grid_of(record: Record, campaign: Campaign) -> Grid | None:
 def trace_rows(record: Record, campaign: Campaign, grid: Grid) -> pd.DataFrame:
     """The trace over its time in s: the device's columns, the ambient, the signals."""
     laboratory = campaign.laboratory
-    over = [each.at_s for each in record.steps if each.step == len(campaign.program)]
+    over = [each.at_s for each in record.of(StepBegan) if each.step == len(campaign.program)]
     count = max(grid.row_at(over[-1]) if over else grid.row_at(record.left.at_s) + 1, 0)
     cells: dict[int, dict[str, float | None]] = {index: {} for index in range(count)}
-    for sample in record.samples:
+    for sample in record.of(Sample):
         row = cells.get(grid.row_at(sample.at_s))
         if row is None or 0.5 * (sample.answered_s - sample.asked_s) > grid.period_s:
             continue
@@ -233,12 +221,12 @@ def trace_rows(record: Record, campaign: Campaign, grid: Grid) -> pd.DataFrame:
             row.update({name: sample.values.get(name) for name in laboratory.device.columns})
         elif sample.source == laboratory.reference:
             row[REFERENCE] = laboratory.ambient.mean_degC(sample.values)
-    changes = [each for each in record.entries if isinstance(each, LoadState)]
-    for change, end in zip(changes, [*(each.at_s for each in changes[1:]), math.inf]):
+    changes = record.of(messages.LoadState)
+    begins = [max(grid.row_at(each.at_s), 0) for each in changes]
+    for change, begin, end in zip(changes, begins, [*begins[1:], count]):
         # unknown until the device's load is known
         signals = {} if change.actions is None else signals_while(laboratory, change.actions)
-        last = count if end == math.inf else grid.row_at(end)
-        for index in range(max(grid.row_at(change.at_s), 0), min(last, count)):
+        for index in range(begin, min(end, count)):
             cells[index].update(signals)
     return grid.frame(cells, campaign.columns)
 
@@ -247,7 +235,7 @@ def laboratory_rows(record: Record, campaign: Campaign, grid: Grid) -> pd.DataFr
     """The instruments' own readings, also before the recording; only rows that hold any."""
     device = campaign.laboratory.device.columns
     cells: dict[int, dict[str, float | None]] = {}
-    for sample in record.samples:
+    for sample in record.of(Sample):
         row = cells.setdefault(grid.row_at(sample.at_s), {})
         row.update({name: value for name, value in sample.values.items() if name not in device})
         row[f"{sample.source}_delay_s"] = round(sample.answered_s - sample.asked_s, 4)

@@ -8,7 +8,7 @@ Millidegrees, tenths, microamperes and microvolts of a kernel become degC, A and
 import math
 
 from ambient_trainer.laboratory.campaign import Device
-from ambient_trainer.laboratory.instruments import PLAUSIBLE_DEGC
+from ambient_trainer.laboratory.instruments import plausible
 from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Clock, InstrumentError, Reading
 from ambient_trainer.laboratory.shell import Connection, Shell
 
@@ -16,19 +16,15 @@ _PER_DEGC, _PER_UNIT = 1000.0, {"temp": 10.0, "current_now": 1e6, "voltage_now":
 
 
 def value_in(text: str, per_unit: float, temperature: bool) -> float | None:
-    """What a file of the kernel's holds in degC, A or V, ``per_unit`` of its own each; None for no value.
-
-    A plausible one, where it is a ``temperature``.
-    """
+    """What a kernel's file holds, in degC, A or V; None for no value, or no plausible one of a ``temperature``."""
     try:
         value = int(text) / per_unit + 0.0  # no -0.0
     except ValueError:
         return None
-    low_degC, high_degC = PLAUSIBLE_DEGC
-    return value if not temperature or low_degC <= value <= high_degC else None
+    return value if not temperature or plausible(value) else None
 
 
-_SAMPLES_UNTIL_SEARCH = 30
+_SAMPLES_UNTIL_SEARCH = 31.0
 """Until zones that were not there are searched again: after a boot, drivers come one after the other."""
 _MISMATCH = "compare the campaign with what is in /sys/class on the device"
 _SAMPLE = """ambient_sample() {
@@ -44,12 +40,11 @@ class DeviceUnderTest:
     """The device of a campaign. Raises :class:`InstrumentError`; after any, it may simply be asked again."""
 
     def __init__(self, device: Device, connection: Connection, clock: Clock) -> None:
-        self.device, self.port = device, connection.label
+        self.device, self.connection, self.port = device, connection, connection.label
         self.missing: tuple[str, ...] = ()
         """The zones that are not there."""
         self._shell = Shell(connection, clock, device.timeout_s, _SAMPLE.replace("ROOT", device.root))
-        self._opened = self._until_search = 0
-        self._uptime_s = 0.0
+        self._until_search = self._uptime_s = 0.0
         self._columns: dict[str, tuple[str, float, bool]] = {}
         """By column the file, how many of its units are one of the column's, and whether it is a temperature."""
 
@@ -67,9 +62,10 @@ class DeviceUnderTest:
         """One sample, with the device's clock offset; None where the device has no value."""
         if not self._shell.alive:
             self._shell.close()
-        self._until_search -= 1
-        if self._shell.opened != self._opened or not self._shell.alive or (self.missing and self._until_search < 0):
+            self._until_search = 0.0
+        if self._until_search <= 0.0:
             self._search_zones()
+        self._until_search -= 1.0
         answer = self._shell.run("ambient_sample")
         uptime, *texts = answer.text.split("|")
         try:
@@ -109,8 +105,7 @@ class DeviceUnderTest:
                 sign = -1.0 if attribute == "current_now" and supply.charging_is == "negative" else 1.0
                 self._columns[column] = (f"{folder}/{attribute}", sign * _PER_UNIT[attribute], attribute == "temp")
         self._shell.run(f"ambient_files='{' '.join(file for file, *_ in self._columns.values())}'")
-        self._opened = self._shell.opened
-        self._until_search = _SAMPLES_UNTIL_SEARCH
+        self._until_search = _SAMPLES_UNTIL_SEARCH if self.missing else math.inf
 
     def _unexpected(self, expected: str, got: str) -> InstrumentError:
         shown = repr(got) if len(got) <= 80 else repr(got[:77] + "...")

@@ -14,16 +14,17 @@ import os
 import threading
 import time
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from ambient_model.atomic import flush_to_disk
 from ambient_model.faults import refuse
 from ambient_trainer.laboratory import messages
-from ambient_trainer.laboratory.messages import ENTRIES, End, Entry, Failure, LoadState, Sample, StepBegan
+from ambient_trainer.laboratory.messages import ENTRIES, End, Entry, Failure, Sample, StepBegan, in_background
 
 FORMAT, VERSION = "ambient-journal", 1
 SYNC_S = 1.0
 """The machine's seconds between two flushes of the file to the disk; to the file, all is written at once."""
+_Entry = TypeVar("_Entry", bound=Entry)
 _NAMES = {kind: name for name, kind in ENTRIES.items()}
 
 
@@ -68,21 +69,15 @@ class Record(NamedTuple):
     head: Head
     entries: tuple[Entry, ...]
 
-    @property
-    def samples(self) -> list[Sample]:
-        """All samples."""
-        return [entry for entry in self.entries if isinstance(entry, Sample)]
-
-    @property
-    def steps(self) -> list[StepBegan]:
-        """The begins of steps, of one that was resumed again."""
-        return [entry for entry in self.entries if isinstance(entry, StepBegan)]
+    def of(self, kind: type[_Entry]) -> list[_Entry]:
+        """All entries of a kind; a step that was resumed began again."""
+        return [entry for entry in self.entries if isinstance(entry, kind)]
 
     @property
     def deviations(self) -> list[str]:
         """What the chamber did not do of all that the program asks for."""
         sources = (messages.CHAMBER_SET_POINT, messages.CHAMBER_GRADIENT)
-        return [each.text for each in self.entries if isinstance(each, Failure) and each.source in sources]
+        return [each.text for each in self.of(Failure) if each.source in sources]
 
     @property
     def last_s(self) -> float:
@@ -118,8 +113,7 @@ class Journal:
         if head is not None:
             self._waiting.append(json.dumps({"format": FORMAT, "version": VERSION, **head._asdict()}) + "\n")
             self.flush()
-        self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
-        self._thread.start()
+        self._thread = in_background(self._run)
 
     def add(self, entry: Entry) -> None:
         """Have ``entry`` written."""
@@ -133,7 +127,7 @@ class Journal:
         """Bring the rest to the disk."""
         self._closing = True
         self._added.set()
-        self._thread.join()
+        self._thread.result()
         self.flush()
         os.close(self._file)
 
@@ -188,7 +182,15 @@ def read_journal(path: str) -> Record:
         raise refuse(path, "", "is not UTF-8 text", "it is damaged: copy it again") from error
     if not lines:
         raise refuse(path, "", "holds no run", "remove it, and begin anew")
-    return Record(_head(path, lines[0]), tuple(_entry(path, *each) for each in enumerate(lines[1:], 2)))
+    head, entries = _head(path, lines[0]), list[Entry]()
+    for number, line in enumerate(lines[1:], 2):
+        try:
+            kind, *values = json.loads(line)
+            entries.append(ENTRIES[kind](*(tuple(value) if isinstance(value, list) else value for value in values)))
+        except (ValueError, TypeError, KeyError):
+            hint = "it is damaged: remove the line, then --resume"
+            raise refuse(path, f"line {number}", "not an entry of a journal", hint) from None
+    return Record(head, tuple(entries))
 
 
 def _head(path: str, line: str) -> Head:
@@ -197,15 +199,3 @@ def _head(path: str, line: str) -> Head:
         if (data.pop("format"), data.pop("version")) == (FORMAT, VERSION):
             return Head(**data)
     raise refuse(path, "line 1", "not the head of a journal", "is this another program's file? name another output")
-
-
-def _entry(path: str, number: int, line: str) -> Entry:
-    try:
-        kind, *values = json.loads(line)
-        entry: Entry = ENTRIES[kind](*values)
-    except (ValueError, TypeError, KeyError):
-        hint = "it is damaged: remove the line, then --resume"
-        raise refuse(path, f"line {number}", "not an entry of a journal", hint) from None
-    if isinstance(entry, LoadState) and entry.actions is not None:
-        return entry._replace(actions=tuple(entry.actions))
-    return entry

@@ -147,13 +147,6 @@ class LoadState(NamedTuple):
     actions: tuple[str, ...] | None
 
 
-class Crash(NamedTuple):
-    """A thread ended by an error of the program itself."""
-
-    source: str
-    error: BaseException
-
-
 class StepBegan(NamedTuple):
     """The program is in a step from now on, ``elapsed_s`` into it."""
 
@@ -183,7 +176,7 @@ class End(NamedTuple):
     why: str
 
 
-Message = Sample | Failure | Recovered | LoadState | Crash
+Message = Sample | Failure | Recovered | LoadState
 Post = Callable[[Message], None]
 Entry = Sample | Failure | LoadState | StepBegan | Note | Identity | End
 ENTRIES: dict[str, type[Any]] = {

@@ -6,10 +6,10 @@ a step. It ends by air or device beyond a limit, or without an ambient for too l
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 from ambient_trainer.laboratory.campaign import Safety
 from ambient_trainer.laboratory.instruments import AIR
+from ambient_trainer.laboratory.messages import StepBegan
 from ambient_trainer.simulator.scenario import Settle, Step
 
 
@@ -41,14 +41,6 @@ class SteadyState:
         return self._since_s is not None and now_s - self._since_s >= 60.0 * self._settle.for_min
 
 
-class Reached(NamedTuple):
-    """A step of the program has begun (its length at the end); the one before it may have given up waiting."""
-
-    step: int
-    at_s: float
-    unsettled: bool
-
-
 class Program:
     """The position in ``steps``; it starts ``elapsed_s`` into step ``step``."""
 
@@ -71,14 +63,14 @@ class Program:
         if self._steady is not None:
             self._steady.update(now_s, ambient_degC, zones)
 
-    def advance(self, now_s: float) -> list[Reached]:
-        """The steps that have begun since the last call."""
-        reached: list[Reached] = []
+    def advance(self, now_s: float) -> list[tuple[StepBegan, bool]]:
+        """The steps (at the end, their number) that began since the last call, and if the one before was unsettled."""
+        reached: list[tuple[StepBegan, bool]] = []
         while not self.over and (end := self._end(now_s)) is not None:
             self.step += 1
             self.began_s, unsettled = end
             self._steady = self._steady_state()
-            reached.append(Reached(self.step, self.began_s, unsettled))
+            reached.append((StepBegan(self.began_s, self.step, 0.0), unsettled))
         return reached
 
     def _end(self, now_s: float) -> tuple[float, bool] | None:

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from ambient_trainer.laboratory.messages import Clock
+from ambient_trainer.laboratory.messages import Clock, in_background
 
 XON, XOFF = b"\x11", b"\x13"
 _BITS_A_BYTE = 10  # with start and stop bit
@@ -35,7 +35,6 @@ class SimulatedInstrument(ABC):
         self._folder = tempfile.TemporaryDirectory(prefix="ambient-laboratory-")
         self._link = Path(self._folder.name, name)
         self.port = str(self._link)
-        """Where a driver finds it."""
         self._lock = threading.RLock()
         self._due: deque[tuple[float, bytes]] = deque()
         self._free_s = self._sent_s = clock.now_s()
@@ -43,8 +42,7 @@ class SimulatedInstrument(ABC):
         self._ends: tuple[int, int] | None = None
         self._woken, self._wake = os.pipe()
         self.plug()
-        self._thread = threading.Thread(target=self._run, name=f"simulated {name}", daemon=True)
-        self._thread.start()
+        self._thread = in_background(self._run)
 
     def unplug(self) -> None:
         """Pull the cable: the port goes, and with it whatever was under way."""
@@ -71,7 +69,7 @@ class SimulatedInstrument(ABC):
         """Take it away; it does not come back."""
         self._ended = True
         self.unplug()
-        self._thread.join()
+        self._thread.result()
         os.close(self._woken)
         os.close(self._wake)
         self._folder.cleanup()

@@ -5,7 +5,6 @@ The report before a run is its schedule, estimated: ramps at the chamber's usual
 
 import math
 from collections import Counter
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import pandas as pd
@@ -13,7 +12,7 @@ import pandas as pd
 from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
 from ambient_trainer.laboratory.collect import Collected, Job, laboratory_path
 from ambient_trainer.laboratory.journal import Record
-from ambient_trainer.laboratory.messages import Failure, Note
+from ambient_trainer.laboratory.messages import Failure, Note, Sample, StepBegan
 from ambient_trainer.laboratory.run import Ending, Outcome
 from ambient_trainer.laboratory.serial_line import is_missing
 from ambient_trainer.report import Block, Finding, Report, Section, Table
@@ -113,10 +112,10 @@ def column_table(trace: pd.DataFrame) -> Table:
 def settling_table(record: Record, campaign: Campaign) -> Table:
     """Per step with another set point than the one before: how long the air took to it."""
     begins: dict[int, float] = {}
-    for each in record.steps:
+    for each in record.of(StepBegan):
         begins.setdefault(each.step, each.at_s - each.elapsed_s)
     laboratory, program = campaign.laboratory, campaign.program
-    scans = [each for each in record.samples if each.source == laboratory.reference]
+    scans = [each for each in record.of(Sample) if each.source == laboratory.reference]
     means_degC = [laboratory.ambient.mean_degC(each.values) for each in scans]
     ambient = pd.Series(means_degC, [each.at_s for each in scans], float)
     lines = []
@@ -131,14 +130,15 @@ def settling_table(record: Record, campaign: Campaign) -> Table:
     return Table(caption, ("step", "set degC", "air there after"), tuple(lines), labels=1)
 
 
-def events(record: Record) -> Iterator[str]:
+def events(record: Record) -> list[str]:
     """The notes of the run, with their times since the program began; the most frequent failures last."""
-    notes = [(entry.at_s, entry.text) for entry in record.entries if isinstance(entry, Note)]
-    yield from (f"{clock_text(at_s)}  {text}" for at_s, text in notes[:_MOST_SHOWN])
+    notes = [(entry.at_s, entry.text) for entry in record.of(Note)]
+    lines = [f"{clock_text(at_s)}  {text}" for at_s, text in notes[:_MOST_SHOWN]]
     if len(notes) > _MOST_SHOWN:
-        yield f"and {len(notes) - _MOST_SHOWN} more"
-    failures = Counter(entry.source for entry in record.entries if isinstance(entry, Failure))
-    yield from (f"{source}: {count} failure{'s' * (count > 1)}" for source, count in failures.most_common())
+        lines.append(f"and {len(notes) - _MOST_SHOWN} more")
+    failures = Counter(entry.source for entry in record.of(Failure))
+    lines += [f"{source}: {count} failure{'s' * (count > 1)}" for source, count in failures.most_common()]
+    return lines
 
 
 def collection_report(collected: Collected, job: Job) -> Report:
@@ -156,17 +156,19 @@ def collection_report(collected: Collected, job: Job) -> Report:
     return Report(f"{title}{simulated}", [], [Section("", [*tables, *found])], {}, "Collection")
 
 
-def problems_of(outcome: Outcome, job: Job) -> Iterator[str]:
+def problems_of(outcome: Outcome, job: Job) -> list[str]:
     """What is not as it should be at the end of a run, and what to do about it."""
     safe_degC = job.loaded.campaign.laboratory.safety.set_point_degC
+    problems = []
     if safe_degC is not None and not outcome.safe:
         left = "" if job.simulated else " (for an hour, a process left behind goes on sending it)"
-        yield f"the chamber has NOT confirmed its safe set point, {safe_degC:g} degC: see to it{left}"
+        problems.append(f"the chamber has NOT confirmed its safe set point, {safe_degC:g} degC: see to it{left}")
     elif safe_degC is not None and outcome.alarm is not None:
-        yield f"the chamber is stopped, after its alarm: {outcome.alarm}"
+        problems.append(f"the chamber is stopped, after its alarm: {outcome.alarm}")
     if not outcome.finished:
         held = safe_degC is not None and outcome.safe and outcome.alarm is None
         where, again = f"the chamber holds {safe_degC:g} degC; " if held else "", "--resume goes on with it"
         if outcome.ending is Ending.DEVIATED:
             again = "the trace is whole, and its note says so"
-        yield f"{outcome.why}; {where}{again}"
+        problems.append(f"{outcome.why}; {where}{again}")
+    return problems

@@ -24,20 +24,11 @@ from ambient_trainer.laboratory.instruments import instrument
 from ambient_trainer.laboratory.journal import Journal
 from ambient_trainer.laboratory.messages import CHAMBER, DEVICE, MULTIPLEXER, Clock, InstrumentError, Reading, Sample
 from ambient_trainer.laboratory.program import Program, SafetyLimits
-from ambient_trainer.laboratory.shell import Connection, connection_to
+from ambient_trainer.laboratory.shell import connection_to
 from ambient_trainer.laboratory.workers import ChamberControl, LoadControl, Sampler, Target, Worker
 
-
-class Equipment(NamedTuple):
-    """Instruments and device by source, the chamber first, with their periods; the connection is for the actions."""
-
-    drivers: Mapping[str, tuple[Any, float]]
-    connection: Connection
-
-    def close(self) -> None:
-        """Close every port."""
-        for driver, _ in self.drivers.values():
-            driver.close()
+Equipment = Mapping[str, tuple[Any, float]]
+"""Drivers of the instruments and the device by source, the chamber first, with their periods."""
 
 
 def equipment_of(loaded: LoadedCampaign, clock: Clock, environment: Mapping[str, str] | None = None) -> Equipment:
@@ -50,19 +41,17 @@ def equipment_of(loaded: LoadedCampaign, clock: Clock, environment: Mapping[str,
     }
     connection = connection_to(laboratory.device.connect, environment)
     drivers[DEVICE] = DeviceUnderTest(laboratory.device, connection, clock), laboratory.device.period_s
-    return Equipment(drivers, connection)
+    return drivers
 
 
-def identify(equipment: Equipment, loaded: LoadedCampaign) -> tuple[list[messages.Identity], list[str]]:
-    """Each instrument's own identification, and a warning of each that cannot hold its period.
+def identify(equipment: Equipment, loaded: LoadedCampaign) -> list[messages.Identity | messages.Note]:
+    """Each instrument's own identification, and then a warning of each that cannot hold its period.
 
     Raises :class:`Refused` with each that does not answer, is in alarm, or lacks a value that the campaign needs.
     """
-    laboratory = loaded.campaign.laboratory
-    found: list[messages.Identity] = []
-    slow: list[str] = []
-    faults: list[Fault] = []
-    for source, (driver, period_s) in equipment.drivers.items():
+    laboratory, faults = loaded.campaign.laboratory, list[Fault]()
+    found, slow = list[messages.Identity](), list[messages.Note]()
+    for source, (driver, period_s) in equipment.items():
         port = getattr(laboratory.instruments.named.get(source), "port", "")
         try:
             found.append(messages.Identity(source, driver.identify()))
@@ -76,12 +65,12 @@ def identify(equipment: Equipment, loaded: LoadedCampaign) -> tuple[list[message
                 hint = "connect it, or take it out of 'laboratory.ambient.probes'"
                 raise InstrumentError(source, port, expected, got, hint)
             if source != CHAMBER and (text := _slowness(source, reading, period_s)):
-                slow.append(text)
+                slow.append(messages.Note(0.0, text))
         except InstrumentError as error:
             faults.append(Fault(f"{source} on {error.port}", f"expected {error.expected}, got {error.got}", error.hint))
     if faults:
         raise Refused("the laboratory is not ready, and nothing was moved", faults)
-    return found, slow
+    return [*found, *slow]
 
 
 def _slowness(source: str, reading: Reading | Sample, period_s: float) -> str | None:
@@ -166,14 +155,12 @@ class Run:
         self._messages: queue.SimpleQueue[messages.Message] = queue.SimpleQueue()
         self._limits = SafetyLimits(self._laboratory.safety, self.clock.now_s())
         self._failure_texts: dict[str, set[str]] = {}
-        self._notes: dict[str, str | None] = {}
         self._slow: Counter[str] = Counter()
-        self._crash: BaseException | None = None
         self._held_s: float | None = None
-        self.load = LoadControl(self._laboratory, self._equipment.connection, self.clock, self._messages.put)
+        self.load = LoadControl(self._laboratory, self._equipment[DEVICE][0].connection, self.clock, self._messages.put)
         self._workers: list[Worker] = [self.load]
-        self.chamber = self._new_chamber_control(_target(self.program))
-        for source, (driver, period_s) in self._equipment.drivers.items():
+        self.chamber = self._new_chamber_control(self._target())
+        for source, (driver, period_s) in self._equipment.items():
             if source != CHAMBER:
                 self._workers.append(Sampler(source, driver, period_s, self.clock, self._messages.put))
 
@@ -203,19 +190,19 @@ class Run:
         return Outcome(ending, why, self.alarm, safe)
 
     def _new_chamber_control(self, target: Target) -> ChamberControl | None:
-        if CHAMBER not in self._equipment.drivers:
+        if CHAMBER not in self._equipment:
             return None
-        driver, period_s = self._equipment.drivers[CHAMBER]
-        gradients, confirm_s = self.campaign.gradients, self._laboratory.safety.confirm_s
-        control = ChamberControl(driver, self.clock, self._messages.put, period_s, target, gradients, confirm_s)
+        driver, period_s = self._equipment[CHAMBER]
+        confirm_s = self._laboratory.safety.confirm_s
+        control = ChamberControl(driver, self.clock, self._messages.put, period_s, target, confirm_s)
         self._workers.append(control)
         return control
 
     def _until_over(self) -> tuple[Ending, str]:
         while not self.program.over:
             self._receive()
-            if self._crash is not None:
-                return Ending.FAILED, f"{type(self._crash).__name__}: {self._crash}"
+            if crash := next((each.crash for each in self._workers if each.crash), None):
+                return Ending.FAILED, f"{type(crash).__name__}: {crash}"
             if self.journal.failure is not None:
                 return Ending.FAILED, f"{self.journal.path}: cannot be written ({self.journal.failure.strerror})"
             if why := self._supervision.stopping():
@@ -224,10 +211,10 @@ class Run:
             # after an alarm the chamber is stopped: there is nothing more to do, but to go on logging
             if self.alarm is None and (why := self._limits.violation(now_s) or self._unconfirmed(now_s)):
                 return Ending.LIMIT, why
-            for reached in self.program.advance(now_s) if self._held_s is None else ():
-                if reached.unsettled:
-                    self._note(f"step {reached.step} went on unsettled: it was given no more time")
-                self.journal.add(messages.StepBegan(reached.at_s, reached.step, 0.0))
+            for began, unsettled in self.program.advance(now_s) if self._held_s is None else ():
+                if unsettled:
+                    self._note(f"step {began.step} went on unsettled: it was given no more time")
+                self.journal.add(began)
                 self._apply_step()
             self._update_monitor()
         return Ending.FINISHED, "finished"
@@ -252,7 +239,7 @@ class Run:
         """Send chamber and device to what the step asks for; after an alarm, both stay stopped."""
         if self.alarm is not None or self.program.over:
             return
-        if self.chamber is not None and (target := _target(self.program)) != self.chamber.target:
+        if self.chamber is not None and (target := self._target()) != self.chamber.target:
             for source in (messages.CHAMBER_SET_POINT, messages.CHAMBER_GRADIENT):  # of the target before
                 self.failures.pop(source, None)
             self.chamber.go_to(target)
@@ -260,18 +247,13 @@ class Run:
 
     def _receive(self) -> None:
         """Take in what the threads have posted since the last call."""
-        try:
-            message = self._messages.get(timeout=_POLL_S)
+        with contextlib.suppress(queue.Empty):
+            self._take(self._messages.get(timeout=_POLL_S))
             while True:
-                self._take(message)
-                message = self._messages.get_nowait()
-        except queue.Empty:
-            return
+                self._take(self._messages.get_nowait())
 
     def _take(self, message: messages.Message) -> None:
-        if isinstance(message, messages.Crash):
-            self._crash = self._crash or message.error
-        elif isinstance(message, messages.Failure):
+        if isinstance(message, messages.Failure):
             self.failures.setdefault(message.source, message)
             texts = self._failure_texts.setdefault(message.source, set())
             if message.text not in texts:  # the same, every second of a night, would be the log
@@ -289,6 +271,7 @@ class Run:
 
     def _take_sample(self, sample: Sample) -> None:
         self.journal.add(sample)
+        before = self.latest.get(sample.source)
         self.latest[sample.source] = sample
         self._recovered(sample.source, sample.at_s)
         if sample.source == self._laboratory.reference:
@@ -297,13 +280,8 @@ class Run:
             self.program.update(sample.answered_s, self.ambient_degC, self._zones(sample.answered_s))
         else:
             self._limits.check(sample.values)
-        slow = _slowness(sample.source, sample, self._equipment.drivers[sample.source][1])
-        if sample.source != CHAMBER and self._slow[sample.source] < _SLOW_TIMES:
-            self._slow[sample.source] = self._slow[sample.source] + 1 if slow else 0
-            if slow and self._slow[sample.source] == _SLOW_TIMES:
-                self._note(slow)
-        if sample.note != self._notes.get(sample.source):
-            self._notes[sample.source] = sample.note
+        self._check_pace(sample)
+        if sample.note != (before.note if before else None):
             if self.chamber is not None and sample.source == CHAMBER and sample.note is not None:
                 self.alarm = self.alarm or sample.note
                 self.chamber.go_to(Target(None, urgent=True))
@@ -312,6 +290,13 @@ class Run:
                 self._take(messages.Failure(messages.CHAMBER_SET_POINT, sample.at_s, text))
             elif sample.note is not None:
                 self._note(f"{sample.source}: {sample.note}")
+
+    def _check_pace(self, sample: Sample) -> None:
+        slow = _slowness(sample.source, sample, self._equipment[sample.source][1])
+        if sample.source != CHAMBER and self._slow[sample.source] < _SLOW_TIMES:
+            self._slow[sample.source] = self._slow[sample.source] + 1 if slow else 0
+            if slow and self._slow[sample.source] == _SLOW_TIMES:
+                self._note(slow)
 
     def _recovered(self, source: str, at_s: float) -> None:
         failure = self.failures.pop(source, None)
@@ -327,11 +312,9 @@ class Run:
         return {name: value for name in device.zones.values() if (value := sample.values.get(name)) is not None}
 
     def _make_safe(self) -> bool:
-        """Send the chamber to safety, stop the device's actions, and wait; whether the chamber confirmed it.
-
-        A signal that comes while it waits, at the end of a program, ends the waiting.
-        """
-        safe = Target(None if self.alarm is not None else self._laboratory.safety.set_point_degC, urgent=True)
+        """Send the chamber to safety, stop the actions, and wait, at most until a signal; whether it confirmed."""
+        safe_degC = None if self.alarm is not None else self._laboratory.safety.set_point_degC
+        safe = Target(safe_degC, self.campaign.no_gradient_K_min, urgent=True)
         if self.chamber is not None and not self.chamber.is_alive():
             self.chamber = self._new_chamber_control(safe)
             assert self.chamber is not None
@@ -361,6 +344,6 @@ class Run:
         with contextlib.suppress(Exception):
             self._supervision.update(self)
 
-
-def _target(program: Program) -> Target:
-    return Target(program.now.chamber_degC, program.now.gradient_K_min)
+    def _target(self) -> Target:
+        step = self.program.now
+        return Target(step.chamber_degC, step.gradient_K_min or self.campaign.no_gradient_K_min)

@@ -35,9 +35,8 @@ _VISA_SOCKET = re.compile(r"^TCPIP\d*::(.+)::(\d+)::SOCKET$", re.IGNORECASE)
 
 
 class Malformed(NamedTuple):
-    """Bytes that are no reply of the protocol: what it would have had there, and what was there."""
+    """Bytes that are no reply of the protocol."""
 
-    expected: str
     got: str
 
 
@@ -72,18 +71,16 @@ def text_replies(ending: bytes, ignored: bytes, longest: int, parse: Callable[[s
     Bytes that are no text before a reply are malformed, and never taken for a part of it.
     """
 
-    def malformed(data: bytes) -> Malformed:
-        return Malformed(f"at most {longest} characters of text and {shown(ending)}", shown(data))
-
     def read(line: bytes) -> list[Any]:
         text = _UP_TO_FOREIGN.sub(b"", line)
         noise, text = (line[: len(line) - len(text)], text) if len(text) <= longest else (line, b"")
-        return [malformed(noise)] * bool(noise) + [parse(text.decode("ascii"))] * bool(text or not noise)
+        found = [Malformed(shown(noise))] if noise else []
+        return [*found, parse(text.decode("ascii"))] if text or not noise else found
 
     def decode(data: bytes) -> tuple[list[Any], bytes]:
         *lines, rest = data.split(ending)
         found, rest = [reply for line in lines for reply in read(line.strip(ignored))], rest.lstrip(ignored)
-        return (found, rest) if len(rest) <= longest else ([*found, malformed(rest)], b"")
+        return (found, rest) if len(rest) <= longest else ([*found, Malformed(shown(rest))], b"")
 
     return decode
 
@@ -184,11 +181,6 @@ class SerialLine:
     _synchronisations_due: int = field(default=0, init=False)
     _may_send_s: float = field(default=-float("inf"), init=False)
 
-    @property
-    def port(self) -> str:
-        """Where the instrument is."""
-        return str(self.settings.port)
-
     def query(self, query: Query) -> Answer:
         """The answer to ``query``; raises :class:`InstrumentError`."""
         with self._lock:
@@ -226,12 +218,6 @@ class SerialLine:
                 data, patience_s = data + part, _TEXT_PAUSE_S
             self._synchronised = bool(data) and not part
             return data
-
-    def write(self, request: bytes) -> None:
-        """Send what has no answer; raises :class:`InstrumentError`."""
-        with self._lock:
-            self.synchronise()
-            self._send(request)
 
     def synchronise(self) -> Any:
         """Synchronise the line; the answer to the synchronisation query, or None where that was not necessary."""
@@ -301,14 +287,14 @@ class SerialLine:
         """An error of this instrument, ready to be raised; the line is synchronised before the next query."""
         self._synchronised = False
         if kind in (Disconnected, NoResponse):
-            hint = _VISA if "::" in self.port else _NETWORK if "://" in self.port else hint
-        return kind(self.instrument, self.port, expected, got, hint)
+            hint = _VISA if "::" in self.settings.port else _NETWORK if "://" in self.settings.port else hint
+        return kind(self.instrument, self.settings.port, expected, got, hint)
 
     def _open(self) -> _SerialPort | _VisaPort:
         if self._port is not None:
             return self._port
         # of VISA's names, those of streams are pyserial's
-        name = _VISA_SOCKET.sub(r"socket://\1:\2", _VISA_SERIAL.sub(r"\1", self.port))
+        name = _VISA_SOCKET.sub(r"socket://\1:\2", _VISA_SERIAL.sub(r"\1", self.settings.port))
         patience_s = self.clock.patience_s(self.settings.timeout_s)
         with self._losing("a port that can be opened"):
             port = _VisaPort(name) if "::" in name else _SerialPort(name, self.baud, self.xonxoff, patience_s)
@@ -342,10 +328,10 @@ class SerialLine:
             if isinstance(error, serial.SerialTimeoutException):
                 raise self.failed(expected, "XOFF all the time", NoResponse) from error
             number = getattr(error, "errno", None)
-            reason = os.strerror(number) if isinstance(number, int) else str(error)
+            got = os.strerror(number) if isinstance(number, int) else str(error)
             if number == errno.EWOULDBLOCK:
-                reason = "one that is in use"
-            raise self.failed(expected, reason, Disconnected) from error
+                got = "one that is in use"
+            raise self.failed(expected, got, Disconnected) from error
 
 
 class SerialDriver:

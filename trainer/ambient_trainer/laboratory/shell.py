@@ -61,8 +61,7 @@ class Shell:
 
     def __init__(self, connection: Connection, clock: Clock, timeout_s: float, setup: str = "") -> None:
         self.label = connection.label
-        self.opened = self._count = 0
-        """How many have been opened."""
+        self._count = 0
         self._connection, self._clock, self._timeout_s, self._setup = connection, clock, timeout_s, setup
         self._process: Any = None
 
@@ -106,7 +105,6 @@ class Shell:
             expected, hint = f"to start {self._connection.argv[0]}", "install it, or see that it is on the PATH"
             raise Disconnected(DEVICE, self.label, expected, f"{error.strerror}", hint) from error
         self._received = self._printed = b""
-        self.opened += 1
 
     def _exchange(self, command: str) -> Result:
         self._count += 1

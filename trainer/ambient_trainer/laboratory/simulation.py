@@ -22,14 +22,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ambient_model.faults import Fault, Refused
+from ambient_trainer.data.strict_yaml import validated
 from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign, PowerSupply
-from ambient_trainer.laboratory.instruments import ROLES, instrument
-from ambient_trainer.laboratory.messages import Clock
+from ambient_trainer.laboratory.instruments import instrument
+from ambient_trainer.laboratory.messages import Clock, in_background
 from ambient_trainer.simulator import Device, Zone, load_device
 from ambient_trainer.simulator.live import LiveDevice
 from ambient_trainer.simulator.run import stream
 
-_WIDTH = 12  # of a number in a file that is overwritten
 _READ_S = 0.0003  # the machine's seconds that a reader takes to go: one who is still there would be taken for the next
 _UPTIME_S = 5000.0  # when the simulation begins; chosen
 
@@ -54,39 +54,27 @@ echo "$next" >"$activity.$$" && mv "$activity.$$" "$activity"
 
 
 class SimulatedPhone:
-    """The phone's files, which show what is ``live``; a ``with`` block is its life.
-
-    ``types`` are those that its kernel shows of the simulated zones, in their order.
-    """
+    """The files under ``root`` of a phone whose zones have ``types``; with its ``environment``, ``adb`` is its own."""
 
     def __init__(
         self, clock: Clock, live: LiveDevice, types: Sequence[str], supply: PowerSupply | None, activity: str
     ) -> None:
         self._clock, self._live, self._types, self._supply = clock, live, types, supply
-        self._idle, self._booted_s = live.device.idle, clock.now_s() - _UPTIME_S
+        self._booted_s = clock.now_s() - _UPTIME_S
         self._folder = tempfile.TemporaryDirectory(prefix="simulated-phone-")
         self.root, self._here = self._folder.name, Path(self._folder.name)
-        """What stands before its ``/sys`` and ``/proc``."""
         self.environment = {"PATH": f"{self._here / 'bin'}:{os.environ.get('PATH', os.defpath)}"}
-        """With it, ``adb`` is this phone's."""
-        self._ending = threading.Event()
-        self._lock = threading.Lock()
+        self._ending, self._lock = threading.Event(), threading.Lock()
         self._files = self._made_files(activity)
         self._show()
-        self._threads = [
-            threading.Thread(target=each, name="simulated phone", daemon=True) for each in (self._pass, self._serve)
-        ]
+        self._threads = [in_background(self._pass), in_background(self._serve)]
 
-    def __enter__(self) -> SimulatedPhone:
-        for thread in self._threads:
-            thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """End it, and whatever still runs on it."""
         self._ending.set()
         asking = os.open(self._here / "proc/uptime", os.O_RDONLY | os.O_NONBLOCK)  # nobody waits for a reader now
         for thread in self._threads:
-            thread.join()
+            thread.result()
         os.close(asking)
         self._end_shells()
         for file in self._files:
@@ -115,7 +103,7 @@ class SimulatedPhone:
             places |= {folder / attribute: gauge[attribute] for attribute in self._supply.columns}
         programs = self._here / "bin"
         programs.mkdir()
-        for name, text in (("adb", _ADB), ("phone", _PHONE.replace("IDLE", self._idle))):
+        for name, text in (("adb", _ADB), ("phone", _PHONE.replace("IDLE", live.device.idle))):
             (programs / name).write_text(text)
             (programs / name).chmod(0o755)
         (self._here / "activity").write_text(f"{activity}\n")
@@ -144,18 +132,17 @@ class SimulatedPhone:
     def _show(self) -> None:
         """Bring what is so now into the files, in their place: who could read meanwhile waits at the pipe."""
         for file, value in self._files.items():
-            os.pwrite(file, f"{round(value()):<{_WIDTH}}\n".encode(), 0)
+            os.pwrite(file, f"{round(value()):<12}\n".encode(), 0)
 
     def _end_shells(self) -> None:
         shells = self._here / "shells"
-        with contextlib.suppress(FileNotFoundError):
-            pids = shells.read_text().split()
-            shells.unlink()
-            for pid in pids:
-                # a number may be another program's by now
-                with contextlib.suppress(OSError):
-                    if self.root.encode() in Path(f"/proc/{pid}/environ").read_bytes():
-                        os.kill(int(pid), signal.SIGKILL)
+        pids = shells.read_text().split() if shells.exists() else []
+        shells.unlink(missing_ok=True)
+        for pid in pids:
+            # a number may be another program's by now
+            with contextlib.suppress(OSError):
+                if self.root.encode() in Path(f"/proc/{pid}/environ").read_bytes():
+                    os.kill(int(pid), signal.SIGKILL)
 
 
 _SWITCH_S = 2e-4
@@ -164,15 +151,14 @@ _ROOM_SWINGS = {86400.0: 1.5, 9000.0: 0.8, 1500.0: 0.3}  # period in s, and size
 
 
 class SimulatedLaboratory(NamedTuple):
-    """The campaign with the simulated instruments' ports in it, what the device's shells need, and the instruments."""
+    """The campaign with the simulated instruments' ports in it, the device's environment, and what is simulated."""
 
     loaded: LoadedCampaign
     environment: Mapping[str, str]
-    chamber: Any
-    multiplexer: Any
-    thermometer: Any
-    air_degC: Callable[[float], float]
     phone: SimulatedPhone
+    chamber: Any = None
+    multiplexer: Any = None
+    thermometer: Any = None
 
 
 @contextlib.contextmanager
@@ -183,8 +169,7 @@ def simulated_laboratory(loaded: LoadedCampaign, clock: Clock, seed: int = 0) ->
     equilibrium with it. With the same ``seed``, chamber, probes and phone have the swing, errors and noise of
     :func:`ambient_trainer.simulator.simulate`. Raises :class:`Refused` for what the simulated phone has not.
     """
-    campaign = loaded.campaign
-    device = load_device()
+    campaign, device = loaded.campaign, load_device()
     zones = _zones(loaded, device)
     named, first = campaign.laboratory.instruments, campaign.program[0]
     with contextlib.ExitStack() as stack:
@@ -197,10 +182,11 @@ def simulated_laboratory(loaded: LoadedCampaign, clock: Clock, seed: int = 0) ->
             stack.callback(made.close)
             return made
 
-        made: dict[str, Any] = dict.fromkeys(ROLES)
+        made: dict[str, Any] = {}
+        air_degC = room_air(seed)
         if named.chamber is not None:
             made["chamber"] = simulated(named.chamber, stream(seed, "wobble"), first.chamber_degC)
-        air_degC = made["chamber"].air_degC if made["chamber"] else room_air(seed)
+            air_degC = made["chamber"].air_degC
         if named.multiplexer is not None:
             channels = named.multiplexer.probes
             probes = sorted(channels, key=lambda name: str(channels[name]))
@@ -211,10 +197,11 @@ def simulated_laboratory(loaded: LoadedCampaign, clock: Clock, seed: int = 0) ->
         supply, activity = campaign.laboratory.device.power_supply, first.load[0] if first.load else device.idle
         seen = tuple(zones.values())
         live = LiveDevice(device, seen, air_degC, clock.now_s(), activity, seed, campaign.before_s)
-        phone = stack.enter_context(SimulatedPhone(clock, live, tuple(zones), supply, activity))
-        ports = {role: each.port for role, each in made.items() if each}
+        phone = SimulatedPhone(clock, live, tuple(zones), supply, activity)
+        stack.callback(phone.close)
+        ports = {role: each.port for role, each in made.items()}
         there = loaded._replace(campaign=_with_simulated(campaign, ports, phone.root))
-        yield SimulatedLaboratory(there, phone.environment, **made, air_degC=air_degC, phone=phone)
+        yield SimulatedLaboratory(there, phone.environment, phone, **made)
 
 
 def room_air(seed: int) -> Callable[[float], float]:
@@ -229,12 +216,12 @@ def room_air(seed: int) -> Callable[[float], float]:
 def _with_simulated(campaign: Campaign, ports: Mapping[str, str], root: str) -> Campaign:
     data = campaign.model_dump()
     laboratory = data["laboratory"]
+    laboratory["device"].update(connect="adb", root=root, setup="")
     for role, port in ports.items():
         laboratory["instruments"][role]["port"] = port
-    laboratory["device"] |= {"connect": "adb", "root": root, "setup": ""}
     for name, action in laboratory["actions"].items():
-        action |= {"start": f"phone start {name}", "stop": f"phone stop {name}"}
-    return type(campaign).model_validate(data)
+        action.update(start=f"phone start {name}", stop=f"phone stop {name}")
+    return validated(type(campaign), data, "the simulated laboratory")
 
 
 def _zones(loaded: LoadedCampaign, device: Device) -> dict[str, Zone]:

@@ -28,10 +28,9 @@ _log = logging.getLogger("ambient_trainer.laboratory")
 class Watchdog:
     """A watchdog over the chamber for the time of a ``with`` block; ``log_path`` gets its steps where it acts."""
 
-    def __init__(self, chamber: ChamberSettings, safe_degC: float, gradients: bool, log_path: str) -> None:
-        self.takes_over = False
-        """Whether it sees to the chamber once the block ends."""
-        order = {"chamber": chamber.model_dump(), "safe_degC": safe_degC, "gradients": gradients, "log": log_path}
+    def __init__(self, chamber: ChamberSettings, safe: Target, log_path: str) -> None:
+        self._taken_over = False
+        order = {"chamber": chamber.model_dump(), "safe": safe, "log": log_path}
         self.argv = [sys.executable, "-m", __name__, json.dumps(order)]
 
     def __enter__(self) -> Watchdog:
@@ -41,28 +40,28 @@ class Watchdog:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Release it, as the run has seen to the chamber itself; but not after an error, or where it ``takes_over``."""
+        """Release it, as the run has seen to the chamber itself; but not after an error or ``take_over``."""
         assert self.process.stdin is not None
-        if self.takes_over or kind is not None:
+        if self._taken_over or kind is not None:
             self.process.stdin.close()
         else:
             self.process.communicate(_RELEASE)
 
+    def take_over(self) -> None:
+        """Have it see to the chamber once the block ends."""
+        self._taken_over = True
 
-def make_safe(chamber: ChamberDriver, period_s: float, safe_degC: float, gradients: bool) -> str:
-    """Send the set point until the chamber confirms it, or another program has it; returns how it ended.
 
-    A stopped chamber stays stopped: it may have an alarm.
-    """
+def make_safe(chamber: ChamberDriver, period_s: float, safe: Target) -> str:
+    """Send the set point until the chamber confirms it, or another program has it; returns how it ended."""
     clock = Clock()
-    safe = Target(safe_degC, urgent=True)
-    control = ChamberControl(chamber, clock, lambda message: _log.info("%s", message), period_s, safe, gradients, 60.0)
+    control = ChamberControl(chamber, clock, lambda message: _log.info("%s", message), period_s, safe, 60.0)
     busy = silent = 0
     while clock.now_s() < _LONGEST_S and busy < _BUSY_TIMES:
         due_s, error = clock.now_s() + _RETRY_S, None
         try:
             if silent < _SILENT_TIMES:
-                if Target(None).confirmed_by(chamber.read()):
+                if Target(None).confirmed_by(chamber.read()):  # it may have an alarm
                     return "the chamber is stopped, and stays so"
                 silent = _SILENT_TIMES
             due_s, error = control.turn(), control.error
@@ -79,13 +78,13 @@ def make_safe(chamber: ChamberDriver, period_s: float, safe_degC: float, gradien
 def main() -> None:
     """Watch the pipe on standard input."""
     order = json.loads(sys.argv[1])
-    kind, safe_degC = instrument(order["chamber"]["kind"]), order["safe_degC"]
+    kind, safe, safe_degC = instrument(order["chamber"]["kind"]), Target(*order["safe"]), order["safe"][0]
     settings = kind.Settings.model_validate(order["chamber"])
     chamber = kind.Driver(settings, Clock(), ChamberLimits(low_degC=safe_degC - 0.1, high_degC=safe_degC + 0.1))
     if sys.stdin.buffer.read() != _RELEASE:
         logging.basicConfig(filename=order["log"], format="%(asctime)s %(message)s", level=logging.INFO)
         _log.info("the program that ran the campaign has ended without a word: the chamber goes to %g degC", safe_degC)
-        _log.info("%s", make_safe(chamber, settings.period_s, safe_degC, order["gradients"]))
+        _log.info("%s", make_safe(chamber, settings.period_s, safe))
         chamber.close()
 
 

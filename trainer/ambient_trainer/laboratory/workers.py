@@ -25,19 +25,17 @@ _log = logging.getLogger(__name__)
 
 
 class Worker(threading.Thread):
-    """A thread of a run: ``turn`` is called again and again until ``finish``; what it raises is posted as a crash."""
+    """A thread of a run: ``turn`` is called until ``finish``, then ``held`` closed; what it raises is its ``crash``."""
 
-    def __init__(self, source: str, clock: Clock, post: Post) -> None:
+    def __init__(self, source: str, clock: Clock, post: Post, held: Driver | Shell) -> None:
         super().__init__(name=source, daemon=True)
-        self.source, self.clock, self.post = source, clock, post
+        self.source, self.clock, self.post, self._held = source, clock, post, held
         self.woken, self.finished = threading.Event(), False
+        self.crash: BaseException | None = None
 
     def turn(self) -> float:
         """Do what is due; returns the time of the next turn."""
         raise NotImplementedError
-
-    def close(self) -> None:
-        """Let go of what the thread holds; called in it at the end."""
 
     def finish(self) -> None:
         """Ask the thread to end; it may be in an exchange, so join it with patience."""
@@ -58,19 +56,18 @@ class Worker(threading.Thread):
                 while not self.finished and (left_s := due_s - self.clock.now_s()) > 0.0:
                     if self.clock.wait(self.woken, left_s):
                         break
-                if not self.finished:
-                    self.woken.clear()
+                self.woken.clear()
         except BaseException as error:
-            self.post(messages.Crash(self.source, error))
+            self.crash = error
         finally:
-            self.close()
+            self._held.close()
 
 
 class Sampler(Worker):
     """Takes a sample at every multiple of ``period_s``, the first one in its second turn."""
 
     def __init__(self, source: str, instrument: Driver, period_s: float, clock: Clock, post: Post) -> None:
-        super().__init__(source, clock, post)
+        super().__init__(source, clock, post, instrument)
         self._instrument, self._period_s, self._scheduled = instrument, period_s, False
 
     def turn(self) -> float:
@@ -81,9 +78,6 @@ class Sampler(Worker):
             self.failed(error)
         self._scheduled = True
         return next_multiple(self.clock.now_s(), self._period_s)
-
-    def close(self) -> None:
-        self._instrument.close()
 
 
 def next_multiple(now_s: float, period_s: float) -> float:
@@ -101,7 +95,7 @@ _QUICK_RETRIES = 5  # after so many attempts the next ones come once a period; a
 
 
 class Target(NamedTuple):
-    """The state to hold: the set point (None: stop), and how fast it may move (None: as fast as it can).
+    """The state to hold: the set point (None: stop), and how fast it may move (0: as it can, None: as set before).
 
     Under a gradient, the nominal value that the chamber reports is still on its way; an urgent set point goes out
     before the gradient is lifted, any other after the gradient was sent.
@@ -125,30 +119,22 @@ class Target(NamedTuple):
 class ChamberControl(Worker):
     """Holds the chamber at the newest target and samples it.
 
-    ``gradients`` is whether any target has one; what is not confirmed within ``confirm_s``, and a gradient that is
-    refused, is posted as a failure with what was asked for and what the chamber reports.
+    What is not confirmed within ``confirm_s``, and a gradient that is refused, is posted as a failure with what was
+    asked for and what the chamber reports.
     """
 
     def __init__(
-        self,
-        chamber: ChamberDriver,
-        clock: Clock,
-        post: Post,
-        period_s: float,
-        target: Target,
-        gradients: bool,
-        confirm_s: float,
+        self, chamber: ChamberDriver, clock: Clock, post: Post, period_s: float, target: Target, confirm_s: float
     ) -> None:
-        super().__init__(CHAMBER, clock, post)
+        super().__init__(CHAMBER, clock, post, chamber)
         self.target = target
         self.error: InstrumentError | None = None
         """Why the newest turn failed, or None."""
-        self._chamber, self._period_s, self._gradients, self._confirm_s = chamber, period_s, gradients, confirm_s
-        self._begun: Target | None = None
+        self._chamber, self._period_s, self._confirm_s = chamber, period_s, confirm_s
         self._confirmed: Target | None = None
         self._got, self._gradient_attempts = "", 0
-        self._gradient_error: InstrumentError | None = None
         self._reported_degC: float | None = None
+        self._begin(target)
 
     @property
     def confirmed(self) -> bool:
@@ -190,19 +176,16 @@ class ChamberControl(Worker):
             return self.clock.now_s() + _RETRY_S
         return next_multiple(self.clock.now_s(), self._period_s)
 
-    def close(self) -> None:
-        self._chamber.close()
-
     def _begin(self, target: Target) -> None:
-        if self._begun and self._got and target.set_degC is not None:  # a stop is an alarm's, and has its own failure
-            self._fail_set_point(self._begun)
-        if self._begun and self._gradient_attempts:
-            self._fail_gradient(self._begun)
+        if self._got and target.set_degC is not None:  # a stop is an alarm's, and has its own failure
+            self._fail_set_point()
+        if self._gradient_attempts:
+            self._fail_gradient()
         self._begun, self._from_degC = target, self._reported_degC
         self._begun_s = self._agreed_s = self.clock.now_s()
         self._to_send, self._overdue, self._attempts, self._got = True, False, 0, ""
-        self._gradient_attempts = _QUICK_RETRIES if self._gradients and target.set_degC is not None else 0
-        self._gradient_error = None
+        self._gradient_attempts = 0 if None in (target.set_degC, target.gradient_K_min) else _QUICK_RETRIES
+        self._gradient_error: InstrumentError | None = None
 
     def _send(self, target: Target) -> None:
         if not self._to_send:
@@ -217,12 +200,11 @@ class ChamberControl(Worker):
 
     def _send_gradient(self, target: Target) -> None:
         """Limit how fast the set point moves; a chamber that refuses it goes to its set point all the same."""
-        if not self._gradient_attempts or target.set_degC is None:
+        if not self._gradient_attempts or target.set_degC is None or target.gradient_K_min is None:
             return
-        rate_K_min = target.gradient_K_min or 0.0
-        _log.info("the gradient %g K/min is sent", rate_K_min)
+        _log.info("the gradient %g K/min is sent", target.gradient_K_min)
         try:
-            self._chamber.gradient(rate_K_min, rising=target.set_degC >= (self._from_degC or 0.0))
+            self._chamber.gradient(target.gradient_K_min, rising=target.set_degC >= (self._from_degC or 0.0))
             self._gradient_attempts = 0
         except Disconnected:
             raise
@@ -230,7 +212,7 @@ class ChamberControl(Worker):
             _log.info("%s", error)
             self._gradient_attempts, self._gradient_error = self._gradient_attempts - 1, error
             if not self._gradient_attempts:
-                self._fail_gradient(target)
+                self._fail_gradient()
 
     def _moving_K(self, target: Target, reading: Reading) -> float:
         """How far from the target the nominal value may still be, on its way under the target's gradient."""
@@ -244,7 +226,6 @@ class ChamberControl(Worker):
     def _check_overdue(self, reported: str) -> None:
         """Post a failure where the target has not been confirmed for too long, and when that is over."""
         now_s = self.clock.now_s()
-        assert self._begun is not None
         if self._confirmed is self._begun:  # whatever the newest target is by now
             self._agreed_s, self._got = now_s, ""
             if self._overdue:
@@ -253,33 +234,30 @@ class ChamberControl(Worker):
         else:
             self._got = reported
             if now_s - self._agreed_s > max(self._confirm_s, _LEAST_WALL_S * self.clock.speed):
-                self._fail_set_point(self._begun)
+                self._fail_set_point()
 
-    def _fail_set_point(self, target: Target) -> None:
+    def _fail_set_point(self) -> None:
         if not self._overdue:
             self._overdue = True
             hint = "compare it with the chamber's panel: is it in manual or program mode, is its layout another?"
-            text = f"{CHAMBER}: expected {target} within {self._confirm_s:g} s, got {self._got}; {hint}"
-            self.failed(text, source=CHAMBER if target.urgent else messages.CHAMBER_SET_POINT)
+            text = f"{CHAMBER}: expected {self._begun} within {self._confirm_s:g} s, got {self._got}; {hint}"
+            self.failed(text, source=CHAMBER if self._begun.urgent else messages.CHAMBER_SET_POINT)
 
-    def _fail_gradient(self, target: Target) -> None:
+    def _fail_gradient(self) -> None:
         if self._gradient_error is not None:
-            self.failed(self._gradient_error, source=CHAMBER if target.urgent else messages.CHAMBER_GRADIENT)
+            self.failed(self._gradient_error, source=CHAMBER if self._begun.urgent else messages.CHAMBER_GRADIENT)
 
 
-_PERIOD_S = 2.0
-_LOAD_RETRY_S = 5.0
+_PERIOD_S, _LOAD_RETRY_S = 2.0, 5.0
 _TIMEOUT_S = 60.0  # a camera takes its time
-_FAILED = "try the command in a shell on the device; it is tried again"
 
 
 class LoadControl(Worker):
     """Keeps the device at the actions that were last asked for."""
 
     def __init__(self, laboratory: Laboratory, connection: Connection, clock: Clock, post: Post) -> None:
-        super().__init__(f"{DEVICE}'s actions", clock, post)
-        self.shell = Shell(connection, clock, _TIMEOUT_S, laboratory.device.setup)
-        self._actions = laboratory.actions
+        self.shell, self._actions = Shell(connection, clock, _TIMEOUT_S, laboratory.device.setup), laboratory.actions
+        super().__init__(f"{DEVICE}'s actions", clock, post, self.shell)
         self._target: tuple[str, ...] = ()
         self._active: tuple[str, ...] | None = None
 
@@ -308,24 +286,17 @@ class LoadControl(Worker):
             return self.failed(error, _LOAD_RETRY_S)
         return self.clock.now_s() + _PERIOD_S
 
-    def close(self) -> None:
-        self.shell.close()
-
     def _change(self, active: tuple[str, ...], target: tuple[str, ...]) -> None:
-        for name in reversed(active):
-            if name not in target:
-                self._run(name, "stop")
-        for name in target:
-            if name not in active:
-                self._run(name, "start")
+        orders = [(name, "stop") for name in reversed(active) if name not in target]
+        orders += [(name, "start") for name in target if name not in active]
+        for name, what in orders:
+            if status := self.shell.run(getattr(self._actions[name], what)).status:
+                expected, got = f"action {name} to {what}", f"exit status {status}"
+                hint = "try the command in a shell on the device; it is tried again"
+                raise InstrumentError(DEVICE, self.shell.label, expected, got, hint)
         self._set_active(target)
 
     def _set_active(self, actions: tuple[str, ...] | None) -> None:
-        before, self._active = self._active, actions
-        if actions != before:
+        if actions != self._active:
+            self._active = actions
             self.post(messages.LoadState(self.clock.now_s(), actions))
-
-    def _run(self, name: str, what: str) -> None:
-        if status := self.shell.run(getattr(self._actions[name], what)).status:
-            got = f"exit status {status}"
-            raise InstrumentError(DEVICE, self.shell.label, f"action {name} to {what}", got, _FAILED)

@@ -12,7 +12,7 @@ from ambient_trainer.laboratory.instruments import greisinger_easybus as easybus
 from ambient_trainer.laboratory.instruments import voetsch_vt4004 as voetsch
 from ambient_trainer.laboratory.instruments.agilent_34970a import ErrorText, Identity, Scan
 from ambient_trainer.laboratory.instruments.greisinger_easybus import Frame
-from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Done, Fault, State
+from ambient_trainer.laboratory.instruments.voetsch_vt4004 import DONE, Fault, State
 from ambient_trainer.laboratory.serial_line import Malformed
 
 
@@ -33,7 +33,7 @@ FRAMES: dict[str, tuple[bytes, Any]] = {
         b"-020.0 -018.7 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0101010101010100\r",
         State((-20.0, -18.7, *(0.0, 11.2) * 4), OUTPUTS),
     ),
-    "chamber, done": (b"0\r", Done()),
+    "chamber, done": (b"0\r", DONE),
     "chamber, fault": (b"07 overtemperature\r", Fault(7, "overtemperature")),
     "chamber, no fault": (b"00\r", Fault(0, "")),
     "multiplexer, identity": (

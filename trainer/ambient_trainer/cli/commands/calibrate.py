@@ -10,6 +10,7 @@ from rich.console import Console
 from ambient_model.atomic import replacing
 from ambient_trainer import cli
 
+_KINDS = {"thermometer": "greisinger-easybus", "multiplexer": "agilent-34970a"}
 _SIMULATED_PROBES = {"air1": 101, "air2": 102, "air3": 103, "air4": 104}
 _PROBE = re.compile(r"([A-Za-z][A-Za-z0-9_.-]*)=([0-9]+)")
 _PATIENCE_S = 3600.0
@@ -73,7 +74,7 @@ def command(
     """
     from ambient_trainer.data.probe_offsets import offsets_text
     from ambient_trainer.evaluation.bath import Settled, calibrated, load_bath, settled_windows
-    from ambient_trainer.laboratory.calibration import BATHS_DEGC, BathRecorder, bath, report_of
+    from ambient_trainer.laboratory.calibration import BATHS_DEGC, bath, report_of
     from ambient_trainer.laboratory.instruments import settings
     from ambient_trainer.laboratory.messages import InstrumentError
 
@@ -107,8 +108,8 @@ def command(
     else:
         named = {"thermocouple": thermocouple, "baud": baud, "probes": probes or _SIMULATED_PROBES}
         links = (
-            settings("greisinger-easybus", port=thermometer or "", address=address),
-            settings("agilent-34970a", port=multiplexer or "", **named),
+            settings(_KINDS["thermometer"], port=thermometer or "", address=address),
+            settings(_KINDS["multiplexer"], port=multiplexer or "", **named),
         )
         status = Console(stderr=True, highlight=False).status("")
         due_s = time.monotonic()
@@ -127,10 +128,9 @@ def command(
                 status.start()
 
         try:
-            with bath(*links, None if simulate else go_to) as instruments, status:
-                source, errors_K = instruments.identify(), instruments.errors_K
-                recorder = BathRecorder(instruments, period_s, _PATIENCE_S)
-                windows = recorder.windows(points, settled, show, record_path)
+            with bath(*links, period_s, _PATIENCE_S, None if simulate else go_to) as there, status:
+                source, errors_K = there.identify(), there.errors_K
+                windows = there.windows(points, settled, show, record_path)
         except InstrumentError as error:
             raise click.ClickException(str(error)) from error
     offsets = calibrated(windows, trace_path or "the bath")

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Mapping
 from types import ModuleType
 from typing import Annotated, Any, Protocol
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, field_validator
+from pydantic import Field, NonNegativeFloat, PositiveFloat, field_validator, model_validator
 
 from ambient_model.faults import refuse
 from ambient_trainer.data.plugins import plugin, plugin_names
@@ -64,10 +64,7 @@ class ChamberLimits(Strict):
 
 
 class ChamberSettings(Strict):
-    """A climate chamber; ``heating_K_min`` and ``cooling_K_min`` are its air's usual rates, for the schedule.
-
-    ``lowest_degC`` and ``highest_degC`` are what it can do.
-    """
+    """A climate chamber, with the usual rates of its air, for the schedule, and the temperatures that it can do."""
 
     kind: str
     port: str
@@ -138,11 +135,24 @@ class ChamberDriver(Driver, Protocol):
         """Stop heating and cooling."""
 
 
-PLAUSIBLE_DEGC = (-60.0, 250.0)
-"""Beyond them a reading of the kernel's stands for no reading, such as -274000 or -32768000."""
 SET_POINT, AIR, RUNNING = "chamber_set_degC", "chamber_degC", "chamber_on"
 """Columns of a chamber's reading."""
 THERMOMETER_COLUMN = "thermometer_degC"
+
+
+UNITS = {"degC": (1.0, 0.0), "degF": (1.8, 32.0), "K": (1.0, 273.15)}
+"""By unit a and b: the number there is a temperature in degC times a, plus b."""
+
+
+def degC_from(value: float, unit: str) -> float:
+    """A temperature in degC, from one in one of :data:`UNITS`."""
+    scale, zero = UNITS[unit]
+    return round((value - zero) / scale, 7)
+
+
+def plausible(temp_degC: float) -> bool:
+    """Whether what a kernel shows is a reading: -274000 or -32768000 stand for none."""
+    return -60.0 <= temp_degC <= 250.0
 
 
 def probe_column(name: str) -> str:

@@ -25,12 +25,8 @@ from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, Ser
 from ambient_trainer.simulator.chamber import Probes
 from ambient_trainer.simulator.live import Probe
 
-RESET = b"*RST\n*CLS\n"
 OPEN = 9.9e37
 """What is at least as large, of either sign, is an open thermocouple."""
-CHANNELS_WITH_READINGS = b"FORM:READ:CHAN ON\n"
-"""Puts each reading's channel behind it; CONF switches it off again."""
-
 MODELS = ("34970A", "34972A", "DAQ970A")
 """They take the same commands (34970A/34972A Command Reference; DAQ970A Programming Guide)."""
 
@@ -40,10 +36,6 @@ _NUMBER = r"[+-]\d\.\d{8}E[+-]\d\d"
 _SCAN = re.compile(rf"{_NUMBER}(?:,{_NUMBER})*|{_NUMBER},[1-3]\d\d(?:,{_NUMBER},[1-3]\d\d)*")
 _ERROR = re.compile(r'([+-]\d+),"([^"]*)"')
 _IDENTITY = re.compile(r"[^,]*[A-Za-z][^,]*,[^,]+,[^,]+,[^,]+")
-_A_REPLY = "readings, an error's number and text, or an identity"
-_SCAN_LOST = "switched off, it forgets its scan: the next reading sets it up again"
-
-
 Thermocouple = Literal["B", "E", "J", "K", "N", "R", "S", "T"]
 _SENSORS = {"thermistor-2k": "THER,2252", "thermistor-5k": "THER,5000", "thermistor-10k": "THER,10000"}
 for _name, _coefficient in (("Pt100", 85), ("Pt1000", 85), ("JPt100", 91)):  # 0.00385 of IEC 60751, 0.00391 of old JIS
@@ -125,15 +117,15 @@ READ_ERROR = Query(b"SYST:ERR?\n", "an error's number and text", lambda reply: i
 READ_IDENTITY = Query(b"*IDN?\n", f"the identity of a {', '.join(MODELS)}", lambda reply: isinstance(reply, Identity))
 
 
-def configure(sensors: Mapping[int, str]) -> bytes:
-    """The commands that make a scan of the ``sensors`` on their channels; the list comes last, as CONF changes it."""
-    commands = []
+def configuration(sensors: Mapping[int, str]) -> bytes:
+    """The commands of a scan; its list, and the channels behind the readings, come last, as CONF changes both."""
+    commands = ["*RST\n*CLS\n"]
     for sensor in dict.fromkeys(sensors.values()):
         channels = channel_list(channel for channel, each in sensors.items() if each == sensor)
         commands.append(f"CONF:TEMP {_SENSORS[sensor]},{channels}\n")
         if sensor.startswith("Pt1000"):  # else 100 ohm, the instrument's own default
             commands.append(f"SENS:TEMP:TRAN:{_SENSORS[sensor].split(',')[0]}:RES 1000,{channels}\n")
-    return f"{''.join(commands)}ROUT:SCAN {channel_list(sensors)}\n".encode("ascii")
+    return f"{''.join(commands)}ROUT:SCAN {channel_list(sensors)}\nFORM:READ:CHAN ON\n".encode("ascii")
 
 
 def channel_list(channels: Iterable[int]) -> str:
@@ -151,7 +143,7 @@ def _parsed(line: str) -> Reply | Malformed:
         return Scan(readings, tuple(int(field) for field in fields if "." not in field) or None)
     if _IDENTITY.fullmatch(line):
         return Identity(*[field.strip() for field in fields])
-    return Malformed(_A_REPLY, repr(line))
+    return Malformed(repr(line))
 
 
 decode = text_replies(b"\n", b"\r", _LONGEST, _parsed)
@@ -181,9 +173,8 @@ class Driver(SerialDriver):
     def configure(self) -> None:
         """Reset the instrument and set up the scan."""
         self.identify()
-        for command in (RESET, configure(self._sensors), CHANNELS_WITH_READINGS):
-            self.line.write(command)
-        self._check_error("the scan to be set up", self.line.query(READ_ERROR).reply)
+        set_up = READ_ERROR._replace(request=configuration(self._sensors) + READ_ERROR.request)
+        self._check_error("the scan to be set up", self.line.query(set_up).reply)
         self._configured = True
 
     def read(self) -> Reading:
@@ -206,7 +197,8 @@ class Driver(SerialDriver):
 
     def _check_error(self, expected: str, error: Any, silence: str = "") -> None:
         if isinstance(error, ErrorText) and error.number:
-            raise self.line.failed(expected, f"{silence}error {error}", hint=_SCAN_LOST)
+            hint = "switched off, it forgets its scan: the next reading sets it up again"
+            raise self.line.failed(expected, f"{silence}error {error}", hint=hint)
 
     def _scan(self) -> Answer:
         try:

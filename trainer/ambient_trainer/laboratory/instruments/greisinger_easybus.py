@@ -16,8 +16,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from ambient_trainer.data.units import to_base
-from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, Air, ThermometerSettings
+from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, UNITS, Air, ThermometerSettings, degC_from
 from ambient_trainer.laboratory.messages import Clock, Reading
 from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
 from ambient_trainer.laboratory.serial_line import Malformed, Query, SerialDriver, SerialLine, shown
@@ -25,7 +24,7 @@ from ambient_trainer.laboratory.serial_line import Malformed, Query, SerialDrive
 VALUE, IDENTITY = 0, 12
 """The codes that ask for the measured value, and for the number that stands on the instrument, in hexadecimal."""
 FURTHER, UNIT = 15, 202
-NAMES = {1: "degC", 2: "degF", 3: "K"}
+NAMES = dict(enumerate(UNITS, 1))
 """By the number that the instrument gives: the unit."""
 FAULTS = {
     16352: "above the measuring range",
@@ -63,13 +62,6 @@ class Frame(NamedTuple):
         return f"a reply of address {self.address} to code {self.code} ({self.body.hex(' ').upper()})"
 
 
-class Value(NamedTuple):
-    """A measured value, or the reason why there is none."""
-
-    value: float | None
-    reason: str | None
-
-
 def check(first: int, second: int) -> int:
     """The third byte of a group."""
     rest = (first << 8) | second
@@ -100,14 +92,14 @@ def decode(data: bytes) -> tuple[list[Frame | Malformed], bytes]:
     found: list[Frame | Malformed] = []
     noise = b""
     while size := _frame_size(data):
-        if size > 0:
-            body = b"".join(data[at : at + 2] for at in range(_GROUP, size, _GROUP))
-            found += [*_malformed(noise), Frame(~data[0] & 0xFF, data[1] >> 4, body)]
-            noise = b""
-        else:
-            size, noise = 1, noise + data[:1]
-        data = data[size:]
-    return [*found, *_malformed(noise)], data
+        if size < 0:
+            noise, data = noise + data[:1], data[1:]
+            continue
+        body = b"".join(data[at : at + 2] for at in range(_GROUP, size, _GROUP))
+        found += [Malformed(shown(noise))] * bool(noise)
+        found.append(Frame(~data[0] & 0xFF, data[1] >> 4, body))
+        noise, data = b"", data[size:]
+    return [*found, *[Malformed(shown(noise))] * bool(noise)], data
 
 
 def _frame_size(data: bytes, replies: int = 1) -> int:
@@ -122,29 +114,25 @@ def _frame_size(data: bytes, replies: int = 1) -> int:
     return 0
 
 
-def _malformed(noise: bytes) -> list[Malformed]:
-    return [Malformed("groups of two bytes and their check", shown(noise))] if noise else []
-
-
-def value_of(body: bytes) -> Value | Malformed:
-    """The value in the body of a reply to :data:`VALUE`."""
+def value_of(body: bytes) -> tuple[float | None, str | None]:
+    """The value in a reply to :data:`VALUE`, or why there is none; ``ValueError`` with what was expected, and came."""
     number = number_of(body)
     if len(body) == 4:
         digits, decimals = number & 0x07FFFFFF, (number >> 27) - 15
         if digits >= _FAULTS_32:
             return _fault(digits - _FAULTS_32)
         if not 0 <= decimals <= _MOST_DECIMALS:
-            return Malformed(f"a value of 0 to {_MOST_DECIMALS} decimals", f"{decimals} decimals")
+            raise ValueError(f"a value of 0 to {_MOST_DECIMALS} decimals", f"{decimals} decimals")
         digits = (digits + 0x02000000) & 0x07FFFFFF
-        return Value((digits - 0x08000000 * (digits >> 26)) / 10.0**decimals, None)
+        return (digits - 0x08000000 * (digits >> 26)) / 10.0**decimals, None
     if len(body) == 2:
         digits = number & 0x3FFF
-        return _fault(digits) if digits >= _FAULTS_16 else Value((digits - 2048) / 10.0 ** (number >> 14), None)
-    return Malformed("a value of one group or two", f"{len(body) // 2} groups")
+        return _fault(digits) if digits >= _FAULTS_16 else ((digits - 2048) / 10.0 ** (number >> 14), None)
+    raise ValueError("a value of one group or two", f"{len(body) // 2} groups")
 
 
-def _fault(number: int) -> Value:
-    return Value(None, FAULTS.get(number, f"fault {number}"))
+def _fault(number: int) -> tuple[None, str]:
+    return None, FAULTS.get(number, f"fault {number}")
 
 
 def number_of(body: bytes) -> int:
@@ -185,11 +173,12 @@ class Driver(SerialDriver):
                 got, hint = f"unit number {number}", "set its display to degC"
                 raise self.line.failed("a display in degC, degF or K", got, hint=hint)
             self._unit = NAMES[number]
-        value = value_of(frame.body)
-        if isinstance(value, Malformed):
-            raise self.line.failed(value.expected, value.got)
-        temp_degC = None if value.value is None else round(to_base(value.value, self._unit), 7)
-        return Reading(asked_s, answered_s, {THERMOMETER_COLUMN: temp_degC}, value.reason)
+        try:
+            value, reason = value_of(frame.body)
+        except ValueError as error:
+            raise self.line.failed(*error.args) from error
+        temp_degC = None if value is None else degC_from(value, self._unit)
+        return Reading(asked_s, answered_s, {THERMOMETER_COLUMN: temp_degC}, reason)
 
 
 def _query(address: int, code: int, what: str) -> Query:

@@ -18,10 +18,9 @@ from pydantic import AfterValidator, Field, PositiveFloat
 
 from ambient_trainer.data.probe_offsets import ProbeOffset
 from ambient_trainer.data.strict_yaml import wrong
-from ambient_trainer.laboratory.instruments import PLAUSIBLE_DEGC, Air, MultiplexerSettings, Name, probe_values
+from ambient_trainer.laboratory.instruments import Air, MultiplexerSettings, Name, plausible, probe_values
 from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse, Reading, in_background
 
-_POWER_ON_DEGC = 85.0
 _CHANNEL_HINT = "name a file below /sys, such as bus/iio/devices/iio:device0/in_temp_input, or a 1-wire number"
 
 
@@ -60,9 +59,9 @@ def _temperature_degC(root: str, channel: str) -> float:
         offset, scale = (file.with_name(file.name.removesuffix("raw") + name) for name in ("offset", "scale"))
         value += float(offset.read_text()) if offset.exists() else 0.0
         value *= float(scale.read_text()) if scale.exists() else 1.0
-    if "/w1/" in str(file) and value == 1000.0 * _POWER_ON_DEGC:
+    if "/w1/" in str(file) and value == 85000.0:
         raise ValueError("85 degC, its value before the first conversion")
-    if not PLAUSIBLE_DEGC[0] <= value / 1000.0 <= PLAUSIBLE_DEGC[1]:
+    if not plausible(value / 1000.0):
         raise ValueError(f"{value / 1000.0:g} degC")
     return value / 1000.0
 
@@ -108,8 +107,7 @@ class Driver:
         """Nothing is held."""
 
 
-_UPDATE_S = 0.5
-_SHORTEST_S = 0.002
+_UPDATE_S, _SHORTEST_S = 0.5, 0.002
 _STEP_K = 0.0625  # of a DS18B20 with twelve bits
 _WIDTH = 7
 
@@ -128,12 +126,11 @@ class Simulated:
         for file in self.files.values():
             file.parent.mkdir(parents=True, exist_ok=True)
         self._update()
-        self._thread = threading.Thread(target=self._run, name="simulated sensors", daemon=True)
-        self._thread.start()
+        self._thread = in_background(self._run)
 
     def close(self) -> None:
         self._ending.set()
-        self._thread.join()
+        self._thread.result()
         self._folder.cleanup()
 
     def _run(self) -> None:

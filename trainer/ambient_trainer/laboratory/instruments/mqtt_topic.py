@@ -9,7 +9,6 @@ import json
 import math
 import queue
 import socket
-import threading
 from collections.abc import Callable
 from functools import reduce
 from pathlib import Path
@@ -18,9 +17,8 @@ from urllib.parse import urlsplit
 
 from pydantic import Field, PositiveFloat
 
-from ambient_trainer.data.units import to_base
-from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, Air, ThermometerSettings
-from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError, NoResponse, Reading
+from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, UNITS, Air, ThermometerSettings, degC_from
+from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError, NoResponse, Reading, in_background
 
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
 _NETWORK = "is it the broker's address, does it run, and does it take this user and password?"
@@ -43,14 +41,6 @@ class Settings(ThermometerSettings):
     timeout_s: PositiveFloat = 120.0
     user: str | None = None
     password_file: str | None = None
-
-
-def number_in(message: bytes, key: str) -> float:
-    """The number in a message; raises ``ValueError``, ``TypeError`` or ``LookupError`` where it holds none."""
-    value = float(reduce(lambda inner, name: inner[name], key.split(".") if key else (), json.loads(message)))
-    if not math.isfinite(value):
-        raise ValueError("not finite")
-    return value
 
 
 class Driver:
@@ -77,13 +67,15 @@ class Driver:
             raise self._failed(f"nothing in {self._settings.timeout_s:g} s", NoResponse, _PUBLISHER)
         if isinstance(newest, str):
             raise self._failed(newest, Disconnected, _NETWORK)
-        at_s, message = newest
+        (at_s, message), key = newest, self._settings.key
         try:
-            value = round(to_base(number_in(message, self._settings.key), self._settings.unit), 7)
+            value = float(reduce(lambda inner, name: inner[name], key.split(".") if key else (), json.loads(message)))
+            if not math.isfinite(value):
+                raise ValueError("not finite")
         except (ValueError, TypeError, LookupError) as error:
             hint = "is 'key' the way to the number in it?"
             raise self._failed(repr(message[:80].decode("utf-8", "replace")), InstrumentError, hint) from error
-        return Reading(at_s, at_s, {THERMOMETER_COLUMN: value})
+        return Reading(at_s, at_s, {THERMOMETER_COLUMN: degC_from(value, self._settings.unit)})
 
     def close(self) -> None:
         client, self._client = self._client, None
@@ -145,12 +137,11 @@ class Simulated:
         self._server, self._ended = socket.create_server(("127.0.0.1", 0)), False
         self._server.settimeout(0.2)
         self.port = f"mqtt://127.0.0.1:{self._server.getsockname()[1]}"
-        self._thread = threading.Thread(target=self._run, name="simulated broker", daemon=True)
-        self._thread.start()
+        self._thread = in_background(self._run)
 
     def close(self) -> None:
         self._ended = True
-        self._thread.join()
+        self._thread.result()
         self._server.close()
 
     def _run(self) -> None:
@@ -173,9 +164,9 @@ class Simulated:
                 subscribed = subscribed or packet[0] == 0x82
 
     def _message(self, at_s: float) -> bytes:
-        zero_degC, one_degC = (to_base(number, self._settings.unit) for number in (0.0, 1.0))
+        scale, zero = UNITS[self._settings.unit]
         names = reversed(self._settings.key.split(".") if self._settings.key else ())
-        content: Any = round((self._air(at_s) - zero_degC) / (one_degC - zero_degC), 2)
+        content: Any = round(scale * self._air(at_s) + zero, 2)
         for name in names:
             content = {name: content}
         topic = self._settings.topic.encode()

@@ -14,7 +14,6 @@ import contextlib
 import math
 import re
 from collections.abc import Iterator, Sequence
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
@@ -41,18 +40,12 @@ _NUMBER = r"(?:\d{4}|-\d{3})\.\d"
 _FIELDS = re.compile(r"((?:\s[A-Z]V\d\d)+)((?:\s+DO\d\d)+)")
 _STATE = re.compile(rf"({_NUMBER}(?: {_NUMBER})+) ([01]{{8,}})[A-Z]?")
 _FAULT = re.compile(r"(\d\d)(?: +(.*))?")
-_A_REPLY = "values and outputs, '0', or a fault's two digits and text"
-
-
-@cache
-def models() -> dict[str, dict[str, Any]]:
-    """By its name what is known of a chamber: keys of the settings."""
-    known: dict[str, dict[str, Any]] = load_yaml(str(Path(__file__).with_name("voetsch_chambers.yaml")))
-    return known
+MODELS: dict[str, dict[str, Any]] = load_yaml(str(Path(__file__).with_name("voetsch_chambers.yaml")))
+"""By its name what is known of a chamber: keys of the settings."""
 
 
 class Settings(ChamberSettings):
-    """The chamber; a ``model`` of :func:`models` gives what stands here.
+    """The chamber; a ``model`` of :data:`MODELS` gives what stands here.
 
     ``pause_s`` is the least time between two strings: a later controller needs 5 s. ``values`` is how many nominal
     values are set at once, ``other_values`` what all but the first are then (else: as last reported, in pairs with the
@@ -83,9 +76,9 @@ class Settings(ChamberSettings):
     def _of_its_model(cls, data: Any) -> Any:
         if not isinstance(data, dict) or not isinstance(model := data.get("model"), str):
             return data
-        if model not in models():
-            raise wrong(f"no model is called {model!r}", f"known are {', '.join(models())}; or give its keys instead")
-        return {**models()[model], **data}
+        if model not in MODELS:
+            raise wrong(f"no model is called {model!r}", f"known are {', '.join(MODELS)}; or give its keys instead")
+        return {**MODELS[model], **data}
 
     def _wrong(self) -> Iterator[tuple[str, str]]:
         values = self.values or 1 + len(self.other_values or ())
@@ -119,10 +112,6 @@ def layout_in(text: str) -> Layout | None:
     return Layout(tuple(map(read.index, strings[0][0])), len(read), 1 + int(max(strings[1][1])))
 
 
-class Done(NamedTuple):
-    """``0``: the command was taken."""
-
-
 class Fault(NamedTuple):
     """The reply to ``F``; number 0 is no fault."""
 
@@ -133,15 +122,14 @@ class Fault(NamedTuple):
         return f"{self.number:02d} {self.text}".rstrip()
 
 
-Reply = State | Done | Fault | str
-"""Of the text of another line."""
+DONE = "0"
+"""The reply to a command that was taken; as of any other line, its text."""
+Reply = State | Fault | str
 
 
 def _parsed(line: str) -> Reply | Malformed:
     if not line:
-        return Malformed(_A_REPLY, "an empty line, as after a malformed command")
-    if line == "0":
-        return Done()
+        return Malformed("an empty line, as after a malformed command")
     if match := _STATE.fullmatch(line):
         return State(tuple(map(float, match[1].split(" "))), tuple(bit == "1" for bit in match[2]))
     if match := _FAULT.fullmatch(line):
@@ -171,7 +159,8 @@ class Driver(SerialDriver):
         self._layout: Layout | None = None
         self._last: State | None = None
         self._read_state = Query(self._command(b"I"), "a state, values and outputs", self._is_state)
-        self._read_fault = self._query(b"F", "a fault, two digits and text", Fault)
+        fault = "a fault, two digits and text"
+        self._read_fault = Query(self._command(b"F"), fault, lambda reply: isinstance(reply, Fault))
         faults = ", and does it know 'F' (else 'alarms: false')" if settings.alarms else ""
         hint = f"{NoResponse.hint} is its address {settings.address}{faults}?"
         marker, quiet_s = self._read_state, settings.timeout_s
@@ -192,7 +181,7 @@ class Driver(SerialDriver):
             alarm = str(fault) if fault.number else None
         elif self._settings.marker:
             text = self.line.text(self._command(self._settings.marker.encode()))
-            if not text or any(isinstance(reply, State | Done) for reply in decode(text)[0]):
+            if not text or any(isinstance(reply, State) or reply == DONE for reply in decode(text)[0]):
                 raise self.line.failed("text that answers the marker", serial_line.shown(text))
         values = {SET_POINT: state.values[0], AIR: state.values[1], RUNNING: float(state.outputs[START])}
         return Reading(asked_s, answered_s, values, alarm)
@@ -208,7 +197,7 @@ class Driver(SerialDriver):
         # the second pair is a humidity's, which a chamber without it ignores; some have the outputs in its place
         further = _bits(self._outputs(True)) if self._settings.gradient == "outputs" else _numbers((0.0, 0.0))
         expected = f"'0' to the gradient {up_K_min:.1f} K/min up, {down_K_min:.1f} K/min down"
-        self.line.query(self._query(b"U %s %s" % (_numbers((up_K_min, down_K_min)), further), expected, Done))
+        self.line.query(self._order(b"U %s %s" % (_numbers((up_K_min, down_K_min)), further), expected))
 
     def stop(self) -> None:
         default_degC = min(max(20.0, self._limits.low_degC), self._limits.high_degC)
@@ -217,8 +206,8 @@ class Driver(SerialDriver):
     def _command(self, text: bytes) -> bytes:
         return b"$%02d%s%s" % (self._settings.address, text, b"\r\n" if self._settings.terminator == "CRLF" else b"\r")
 
-    def _query(self, text: bytes, expected: str, kind: type) -> Query:
-        return Query(self._command(text), expected, lambda reply: isinstance(reply, kind))
+    def _order(self, text: bytes, expected: str) -> Query:
+        return Query(self._command(text), expected, lambda reply: reply == DONE)
 
     def _is_state(self, reply: object) -> bool:
         """Whether it is a state of the chamber's layout, as far as that is known."""
@@ -265,11 +254,10 @@ class Driver(SerialDriver):
         elif others is None:
             others = (0.0,) * ((self._settings.values or VALUES) - 1)
         command = b"E %s %s" % (_numbers((nominal_degC, *others)), _bits(self._outputs(run)))
-        self.line.query_anyway(self._query(command, expected, Done))
+        self.line.query_anyway(self._order(command, expected))
 
 
 _ANSWERS_AFTER_S = 0.08  # chosen
-_DONE = b"0\r"
 _SET = re.compile(r"E((?: -?\d+\.\d)+) ([01]+)")
 _GRADIENT = re.compile(r"U (-?\d+\.\d) (-?\d+\.\d) .*")
 
@@ -283,15 +271,12 @@ class Simulated(SimulatedInstrument):
         from ambient_trainer.simulator.live import ChamberAir  # scipy: the watchdog does not wait for it
 
         self.air = ChamberAir(clock.now_s(), room_degC, seed)
+        self.air_degC = self.air.at
         self._settings, self._receives_from_s = settings, -math.inf
         self._nominal: tuple[float, ...] = (room_degC, *(0.0,) * ((settings.values or VALUES) - 1))
         self._outputs: tuple[bool, ...] = (False,) * (settings.outputs or OUTPUTS)
         self._fault = Fault(0, "")
         super().__init__("chamber", clock, _BAUD)
-
-    def air_degC(self, at_s: float | None = None) -> float:
-        """The true air, now or at a time of the clock since the start."""
-        return self.air.at(self._clock.now_s() if at_s is None else at_s)
 
     @property
     def held_degC(self) -> float | None:
@@ -307,7 +292,7 @@ class Simulated(SimulatedInstrument):
     def answer(self, command: str) -> bytes:
         """The reply to what stands behind ``$`` and the address."""
         if command == "I":
-            actual_degC = round(self.air_degC(), 1) + 0.0
+            actual_degC = round(self.air.at(self._clock.now_s()), 1) + 0.0
             values = [value for nominal in self._nominal for value in (nominal, actual_degC)]
             return b"%s %s\r" % (_numbers(values), _bits(self._outputs))
         if command == "F":
@@ -317,10 +302,10 @@ class Simulated(SimulatedInstrument):
             layout = (len(nominal), len(match[2])) == (len(self._nominal), len(self._outputs))
             if layout and self._settings.lowest_degC <= nominal[0] <= self._settings.highest_degC:
                 self.put(nominal, tuple(bit == "1" for bit in match[2]))
-                return _DONE
+                return b"0\r"
         if match := _GRADIENT.fullmatch(command):
             self.air.limit(self._clock.now_s(), float(match[1]), float(match[2]))
-            return _DONE
+            return b"0\r"
         return b"\r"  # malformed; the manual leaves it open: this, or silence
 
     def _respond(self, data: bytes) -> Iterator[Response]:
