@@ -71,8 +71,12 @@ def train_on_baselines(
 
 
 def _settled(fitted: Fitted) -> Fitted:
-    """Without bodies slower than the records, as each would take up whatever has changed since."""
-    for index, each in reversed(list(enumerate(fitted.model.mechanisms))):
-        if each.slow and not fitted.model.carries(index):
-            fitted = beside(fitted, fitted.model.without(index)) or fitted
-    return fitted
+    """Without bodies slower than the records, and what acts on them: each would take up whatever has changed since."""
+    model = fitted.model
+    slow = next((index for index, each in enumerate(model.mechanisms) if each.slow), None)
+    if slow is None:
+        return fitted
+    gone = [model.mechanisms[slow], *model.carried(slow)]
+    less = beside(fitted, replace(model, mechanisms=tuple(each for each in model.mechanisms if each not in gone)))
+    # without it another one may have become as slow
+    return fitted if less is None else _settled(less)

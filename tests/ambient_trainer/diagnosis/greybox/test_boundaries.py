@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ambient_trainer.diagnosis.diagnose import diagnose
+from ambient_trainer.diagnosis.diagnose import diagnose, learn_known_good
 from ambient_trainer.diagnosis.greybox.mechanisms.path import Path
 from ambient_trainer.diagnosis.result import Cause
 
@@ -29,10 +29,12 @@ def test_a_wall_that_stays_as_it_is_is_a_slow_body(circuit, simulated, seed):
     """Its temperature is another one than the air's, which no constant heat replaces: it takes part of each swing."""
     draw = np.random.default_rng(seed)
     wall_degC, between_W_K = draw.uniform(5, 12), draw.uniform(0.2, 0.4)
-    found = diagnose(circuit, [simulated(seed, heat_W=lambda _, degC: between_W_K * (wall_degC - degC))])
+    trace = simulated(seed, heat_W=lambda _, degC: between_W_K * (wall_degC - degC))
+    found, known = diagnose(circuit, [trace]), learn_known_good(circuit, [trace])
     mass = next(each for each in found.steps if each.cause.name == "thermal_mass")
     assert "a constant temperature does the same" in mass.magnitude.qualifier, seed
     assert 0.5 < mass.confidence <= 0.6, seed
+    assert not any(each.slow for each in known.model.mechanisms), f"takes up what changes later: {seed}"
 
 
 @pytest.mark.parametrize(("other", "responds"), [("water_in", False), ("room", False), ("lid", True)])

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
-from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.choice import Limits, Step, choose
 from ambient_trainer.diagnosis.greybox.conducted import conducted
 from ambient_trainer.diagnosis.greybox.mechanisms import heat
@@ -43,9 +41,8 @@ def warmed(seed: int, into: tuple[str, str]) -> Trace:
 
 def at_both(trace: Trace, driver: str) -> Step:
     """The step that has chosen heat by one column at both bodies."""
-    circuit = forward(parse_circuit(PAIR, "pair"))
-    held = records(trace, circuit.inputs, ["fast_degC", "slow_degC"], PERIOD_S)
-    bare = bare_fit(GreyBox.of(circuit), held)
+    held = records(trace, PAIR.inputs, ["fast_degC", "slow_degC"], PERIOD_S)
+    bare = bare_fit(GreyBox.of(PAIR), held)
     by_one = [each for each in heat.candidates(Scene(bare)) if each.key == ("heat_source", ("fast", "slow"), driver)]
     trials = compared(bare, screen(Scene(bare), lambda scene, columns: iter(by_one)), lambda done, total: None)
     chosen = choose(bare, [each for each in trials if len(each.mechanism.places) == 2], 0.0)

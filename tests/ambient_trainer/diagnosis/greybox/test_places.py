@@ -20,13 +20,13 @@ from ambient_trainer.diagnosis.result import UNKNOWN, Cause
 
 from ...conftest import CIRCUITS
 
-PAIR = (CIRCUITS / "pair.yaml").read_text()
+PAIR = forward(parse_circuit((CIRCUITS / "pair.yaml").read_text(), "pair"))
 TIME_S = 30.0 * np.arange(1500)
 
 
 @pytest.fixture(scope="module")
 def pair():
-    return forward(parse_circuit(PAIR, "pair"))
+    return PAIR
 
 
 def air_degC(draw):

@@ -271,11 +271,13 @@ class GreyBox:
 
     def carries(self, index: int) -> bool:
         """Whether one of its mechanisms made a body on which another one acts."""
-        acted_on = {place for each in self.mechanisms for place in each.places}
-        acted_on -= {node.name for node in self.circuit.states}
-        mechanism = self.mechanisms[index]
-        bodies = tuple(f"{place}_mass" for place in mechanism.places)
-        return mechanism.adds_nodes and any(each.startswith(bodies) for each in acted_on)
+        return bool(self.carried(index))
+
+    def carried(self, index: int) -> list[Mechanism]:
+        """What acts on the bodies that one of its mechanisms made."""
+        own, mechanism = {node.name for node in self.circuit.states}, self.mechanisms[index]
+        bodies = tuple(f"{place}_mass" for place in mechanism.places) if mechanism.adds_nodes else ()
+        return [each for each in self.mechanisms if any(at.startswith(bodies) for at in {*each.places} - own)]
 
     def replaced(self, index: int, mechanism: Mechanism) -> GreyBox:
         """The model with another mechanism in the place of one."""
