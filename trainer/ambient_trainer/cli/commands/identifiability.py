@@ -1,7 +1,5 @@
 """``ambient-trainer identifiability``: which of a circuit's parameters a trace determines."""
 
-from typing import Any
-
 import click
 
 import ambient_trainer as at
@@ -35,7 +33,16 @@ def _fixed(text: str) -> tuple[str, float | None]:
 @cli.period_option()
 @cli.output_options()
 def command(
-    trace_path: str, circuit: str, fixes: tuple[tuple[str, float | None], ...], output: cli.Output, **how: Any
+    trace_path: str,
+    circuit: str,
+    fixes: tuple[tuple[str, float | None], ...],
+    starts: int,
+    replicates: int,
+    seed: int,
+    from_s: float | None,
+    to_s: float | None,
+    period_s: float | None,
+    output: cli.Output,
 ) -> None:
     """Fit a circuit to TRACE and test whether its inputs and output identify its parameters.
 
@@ -50,8 +57,7 @@ def command(
 
     output.check([trace_path, circuit])
     thermal = thermal_circuit(circuit)
-    trace = load_trace(trace_path).cut(how.pop("from_s"), how.pop("to_s"))
-    effort = at.Effort(how.pop("starts"), how.pop("seed"))
+    trace = load_trace(trace_path).cut(from_s, to_s)
     with cli.counted_progress() as progress:
-        result = identifiability(thermal, trace, dict(fixes), effort, progress=progress, **how)
+        result = identifiability(thermal, trace, dict(fixes), at.Effort(starts, seed), replicates, progress, period_s)
     output.show(report_of(result))
