@@ -199,8 +199,9 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math
 def _doubtful(step: Chosen, chosen: Trial, final: Fitted) -> bool:
     """Whether something quite different reads the same, or nothing else was tried beside what was found with it."""
     mechanism, records = chosen.mechanism, final.records
-    in_the_end = (each.doubtful for each in final.model.mechanisms if is_chosen(each, mechanism))
-    if mechanism.sudden or mechanism.doubtful or any(in_the_end) or _or_physics(chosen) or not step.trials:
+    # later steps may have moved its numbers
+    doubtful = any(each.doubtful for each in final.model.mechanisms if is_chosen(each, mechanism))
+    if mechanism.sudden or doubtful or _or_physics(chosen) or not step.trials:
         return True
     # without known-good records, what nothing logged shows and that begins or ends describes more than it names; and
     # a loss that differs in the heat: of five in measured logs none was surely that

@@ -140,7 +140,7 @@ def _side_by_side(
 
 @cache
 def _libraries() -> ThreadpoolController:
-    """What may use threads in this process; to look for it again took a twentieth of a diagnosis."""
+    """What may use threads in this process: to look for it at each trial takes longer than many a fit."""
     return ThreadpoolController()
 
 

@@ -24,7 +24,8 @@ _MOST_LESS, _MOST_MORE, _SWEPT = 0.97, 19.0, 300.0
 _HARDLY_LESS = 0.1
 """Of the loss, where its driver does most: what heats or moves air takes none away. A loss that falls with a power
 reads as heat does; by a laptop's battery, a printer's bed and a glasshouse's lamps it seemed to in measured logs."""
-_ELECTRIC = ("_A", "_V", "_lux")
+_GOES_WITH_HEAT = ("_A", "_V", "_lux")
+"""Units of what is no power, and heats where it is large."""
 
 
 @dataclass(frozen=True)
@@ -133,4 +134,4 @@ def _only_raises(scene: Scene, driver: Expression) -> bool:
     """Whether what a driver says heats, or moves air."""
     column = driver.columns[0]
     does = scene.warms(driver) or moves_air(column) or not WORK.isdisjoint(column.split("_"))
-    return does or column.endswith(_ELECTRIC)
+    return does or column.endswith(_GOES_WITH_HEAT)
