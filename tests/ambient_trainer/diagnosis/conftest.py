@@ -96,6 +96,9 @@ def _boxed(lacks: str, seed: int, room_degC: float | None = None) -> Trace:
     true_degC = _integrated(lacks, size, np.array([air, power, radio, current]))
     read_degC = _read(lacks, size, true_degC) + 0.05 * random.standard_normal(true_degC.shape)
     logged = np.interp(time_s - 150 * size, time_s, air) if lacks == "clock_offset" else air
+    for layer_s in (20 * size, 130 * size) if lacks == "reference_lag" else ():
+        share = 1 - np.exp(-BOX_PERIOD_S / layer_s)
+        logged = lfilter([share], [1, share - 1], logged, zi=[(1 - share) * air[0]])[0]
     columns = {
         "ambient_degC": logged + (0.02 * random.standard_normal(BOX_SAMPLES) if room_degC is None else 0.0),
         "chip_power_W": power,

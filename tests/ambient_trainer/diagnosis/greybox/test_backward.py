@@ -82,6 +82,33 @@ def test_a_plate_below_six_points_warms_one_and_that_the_others(seed):
     assert joined == {*map(frozenset, pairwise(POINTS)), frozenset((POINTS[heated], "plate"))}, seed
 
 
+def test_heaters_with_bodies_of_their_own_heat_those(seed):
+    """Two plates that exchange heat, each under a heater that warms first: in measured ones, too."""
+    draw = np.random.default_rng(seed)
+    time_s, shares = 2.0 * np.arange(900), draw.choice([0.0, 0.4, 1.0], (2, 18)).repeat(50, axis=1)
+    core_W_K, between_W_K, loss_W_K = draw.uniform(0.15, 0.3, 2), draw.uniform(0.02, 0.05), draw.uniform(0.04, 0.08, 2)
+
+    def slope(now_s, degC):
+        plates, cores = degC[:2], degC[2:]
+        out_W = core_W_K * (cores - plates)
+        exchanged_W = between_W_K * (plates[::-1] - plates)
+        power_W = 6.0 * shares[:, min(int(now_s / 2.0), 899)]
+        return [*((out_W + exchanged_W + loss_W_K * (20.0 - plates)) / 6.0), *((power_W - out_W) / 5.0)]
+
+    plates = solve_ivp(slope, (0, time_s[-1]), np.full(4, 20.0), t_eval=time_s, max_step=2.0).y[:2]
+    read = dict(zip(("a_degC", "b_degC"), plates + draw.normal(0, 0.05, plates.shape)))
+    heaters = dict(zip(("heater1_frac", "heater2_frac"), shares))
+    trace = Trace("plates", time_s, {**read, **heaters, "ambient_degC": np.full(900, 20.0)})
+    circuit = forward(in_air("a b", 100, 5))
+    found = eliminated(bare_fit(GreyBox.of(circuit), records(trace, circuit.inputs, list(read), 2.0)))
+    assert found is not None, seed
+    heats = [each for each in found.model.mechanisms if each.cause == "heat_source"]
+    most = {each.key[2]: max(zip((n.value for n in each.numbers), each.places))[1] for each in heats}
+    # some of a heater's may go to both, as a path leads there
+    assert most == {"heater1_frac": "a_mass", "heater2_frac": "b_mass"}, (seed, most)
+    assert found.rmse_degC < 0.1, seed
+
+
 def test_a_power_that_hardly_moves_heats_all_the_same(circuit, simulated):
     """Constant heat fits as well, and is wrong as soon as the power changes."""
     draw = np.random.default_rng()

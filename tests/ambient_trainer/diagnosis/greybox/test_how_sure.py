@@ -108,7 +108,12 @@ def test_heat_that_wanders_is_surely_no_heat_for_a_while(circuit, simulated, see
 
 @pytest.mark.parametrize(
     ("driver", "value", "doubtful"),
-    [("load_frac > 0.4", -4.6, True), ("load_frac", 4.6, False), ("compressor_W", -4.6, False), ("tec_A", -4.6, False)],
+    [
+        ("load2_frac > 0.4", -4.6, True),
+        ("load_frac", 4.6, False),
+        ("compressor_W", -4.6, False),
+        ("tec_A", -4.6, False),
+    ],
 )
 def test_work_that_cools_stands_for_something_else(driver, value, doubtful):
     """A measured processor seemed to be cooled by its load, as a fan went with it."""

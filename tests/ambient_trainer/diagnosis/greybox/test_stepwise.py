@@ -280,6 +280,16 @@ def test_a_cooler_takes_heat_away_by_the_power_that_it_uses(circuit, simulated, 
     assert found.verdict.magnitude.value < 0, seed
 
 
+def test_no_heater_cools(circuit, simulated, recorded):
+    """With a negative heat a second heater made up for how late a measured first one warmed."""
+    trace = simulated(6)
+    renamed = {"current_A": "heater2_frac", "humidity_frac": "heater_cooling_frac", "wind_m_s": "valve_frac"}
+    columns = {renamed.get(name, name): row for name, row in trace.columns.items()}
+    scene = Scene(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=columns))))
+    least = {each.driver.text: each.numbers[0].low for each in heat.candidates(scene) if each.driver is not None}
+    assert [least[name] for name in ("heater2_frac", "heater_cooling_frac", "valve_frac")] == [0.0, -np.inf, -np.inf]
+
+
 @pytest.mark.parametrize(("began_degC", "apart"), [(26.0, False), (65.0, True)])
 def test_a_body_does_not_begin_hotter_than_all_that_is_known(circuit, recorded, began_degC, apart):
     """A body of 2,000 J/K behind a board that begins in the air's temperature: what else heats it is not its own."""

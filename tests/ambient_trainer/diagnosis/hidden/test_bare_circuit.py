@@ -18,6 +18,7 @@ LACKING = {
     "sensor_lag": Cause("sensor_lag", "chip"),
     "sensor_gain": Cause("sensor_gain", "board"),
     "clock_offset": Cause("clock_offset"),
+    "reference_lag": Cause("sensor_lag", "ambient"),
     NONE: Cause(NONE),
 }
 COARSE_S = 60.0

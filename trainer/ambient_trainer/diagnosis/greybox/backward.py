@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step
+from ambient_trainer.diagnosis.greybox.expression import words_in
 from ambient_trainer.diagnosis.greybox.mechanisms import heat, mass, path
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
@@ -31,11 +32,14 @@ def score(fitted: Fitted) -> float:
 
 
 def eliminated(bare: Fitted) -> Fitted | None:
-    """What is left of everything, with or without bodies; None where that is too much for the record, or nothing."""
+    """What is left of everything, with or without bodies, which what is logged may heat first; None where that is too
+    much for the record, or nothing."""
     scene, given, found = Scene(bare), len(bare.model.mechanisms), []
     samples = sum(record.samples for record in bare.records)
-    for bodies in ([], *([each] for each in _bodies(scene))):
-        everything = [*bodies, *_heats(scene), *path.distinct(scene)]
+    heats, bodies = list(_heats(scene)), _bodies(scene)
+    behind = [[each, *map(_behind, heats)] for each in bodies if any(heat.driver for heat in heats)]
+    for some in (heats, *([each, *heats] for each in bodies), *behind):
+        everything = [*some, *path.distinct(scene)]
         model = bare.model
         for each in everything:
             model = model.with_mechanism(each.started([_STARTED] * len(each.probes())) or each)
@@ -83,7 +87,7 @@ def _sound(fitted: Fitted, given: int) -> Fitted:
     """The model without what is not surely there, and bodies that begin far from all temperatures that are known."""
     apart = begins_apart(fitted)
     for index, each in list(enumerate(fitted.model.mechanisms))[given:]:
-        if not identified(fitted, index) or (apart and each.adds_nodes):
+        if (not identified(fitted, index) or (apart and each.adds_nodes)) and not fitted.model.carries(index):
             without = _fit(fitted.model.without(index), fitted, _FEW)
             return fitted if without is None else _sound(_needed(without.refitted(), given), given)
     return fitted
@@ -97,7 +101,7 @@ def _less(fitted: Fitted, given: int) -> Iterator[GreyBox]:
     for index, mechanism in list(enumerate(model.mechanisms))[given:]:
         span = model.span(index)
         if mechanism.cause != "heat_source":
-            others.append(model.without(index))
+            others += [] if model.carries(index) else [model.without(index)]
             continue
         for place, (number, sd) in enumerate(zip(mechanism.numbers, deviation[span])):
             kept = [each for each in range(len(mechanism.places)) if each != place]
@@ -112,9 +116,16 @@ def _heats(scene: Scene) -> Iterator[Mechanism]:
     for each in heat.candidates(scene):
         text = "" if each.driver is None else each.driver.text
         plain = each.driver is None or each.driver.columns == (text.removesuffix("^2"),)
-        heats = not text or text.endswith(_HEATING) or not THERMOELECTRIC.isdisjoint(text.split("_"))
+        heats = not text or text.endswith(_HEATING) or not THERMOELECTRIC.isdisjoint(words_in(text))
         if each.places == tuple(scene.nodes) and type(each) is heat.Heat and plain and heats:
             yield each
+
+
+def _behind(heating: Mechanism) -> Mechanism:
+    """Heat by a log in the bodies behind its nodes: a heater's own, or a cell's core."""
+    if heating.driver is None:
+        return heating
+    return replace(heating, places=tuple(f"{each}_mass" for each in heating.places))
 
 
 def _bodies(scene: Scene) -> Sequence[Mechanism]:

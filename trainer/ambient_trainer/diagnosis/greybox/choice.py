@@ -78,15 +78,15 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
     driven = [each for each in ordered if not each.mechanism.instrument and each.mechanism.driver is not None]
     driven = [each for each in driven if each.rmse_degC < _HALF * before.held_out_rmse_degC]
     sound = [*physical, *driven]
-    # what acts for a while and is no finding says nothing against a clock
+    # what acts for a while and is no finding says nothing against the reference
     lasting = [each for each in trials if not each.mechanism.instrument and each.lasting]
     much, enough = worse_physics(before.records), _LEFT if before.records[0].known_good else _HALF
     for each in _blamed([each for each in passing if each.mechanism.instrument and not _switched(each)]):
-        # a clock that is off looks like nothing else: there it is enough to do better than all physics, sound or not
-        clock = not each.mechanism.places
-        rivals = [*sound, *lasting] if clock else sound
+        # a late reference looks like nothing else: there it is enough to do better than all physics, sound or not
+        late = each.mechanism.of_reference
+        rivals = [*sound, *lasting] if late else sound
         near = [other for other in rivals if other.rmse_degC <= each.rmse_degC * much]
-        if not near and (clock or _goes_there(before, each, enough)):
+        if not near and (late or _goes_there(before, each, enough)):
             return each
         if _leaps(each) and all(_jumps_beside(each, other.fitted) for other in near):
             return each
@@ -250,9 +250,9 @@ def _goes_there(before: Fitted, trial: Trial, share: float) -> bool:
 
 
 def _sensor_rmse_degC(fitted: Fitted, trial: Trial) -> float:
-    """What is left in sample at the sensor that a trial blames; at all of them for a clock."""
+    """What is left in sample at the sensor that a trial blames; at all of them for the reference."""
     sensors = [output.name for output in fitted.model.circuit.outputs]
-    blamed = [sensors.index(each) for each in trial.mechanism.places] or list(range(len(sensors)))
+    blamed = [sensors.index(each) for each in (sensors if trial.mechanism.of_reference else trial.mechanism.places)]
     left = np.concatenate([fitted.residual_degC(index)[blamed] for index in range(len(fitted.records))], axis=1)
     return float(np.sqrt(np.nanmean(left**2)))
 

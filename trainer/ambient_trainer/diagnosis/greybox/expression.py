@@ -28,6 +28,11 @@ _HINT = (
 )
 
 
+def words_in(*columns: str) -> set[str]:
+    """The words in columns' names, without the numbers of what there is several times."""
+    return {word.rstrip("0123456789") for each in columns for word in each.lower().split("_")}
+
+
 @dataclass(frozen=True)
 class Samples:
     """What an expression is evaluated on: columns (N,) every ``period_s``."""

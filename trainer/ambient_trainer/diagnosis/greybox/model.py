@@ -117,6 +117,8 @@ class Mechanism:
     """Whether what has begun may end: a drift that stops is a step."""
     adds_nodes = False
     """It comes before what acts on nodes."""
+    of_reference = False
+    """Whether it is the instrument of the ambient: it shows at all sensors."""
     sudden = False
     """Where it begins or ends, the readings jump."""
     evident = False

@@ -10,7 +10,7 @@ from scipy.signal import correlate, find_peaks
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.greybox.expression import LATE, Expression
+from ambient_trainer.diagnosis.greybox.expression import LATE, Expression, words_in
 from ambient_trainer.diagnosis.greybox.model import samples_of
 from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.regression import Fitted
@@ -33,6 +33,8 @@ WARMING = ("_W", "_kW", "_W_m2", "_kW_m2")
 THERMOELECTRIC = {"peltier", "tec"}
 _COOLERS = {"aircon", "ac", "chiller", "compressor", "cooler", "cooling", "fridge", *THERMOELECTRIC}
 """Words in the name of what takes heat away by the power that it uses, or, a Peltier element, by its current."""
+HEATERS = {"heater", "burner", "boiler", "lamp"}
+"""Words in the name of what heats, in whatever unit."""
 HUMIDITY = {"humidity", "rh"}
 """Words in the name of a relative humidity, which falls where the air is warmed: an effect as well as a cause."""
 PRESSURES = ("_hPa", "_Pa", "_bar")
@@ -211,11 +213,12 @@ class Scene:
         return float(row.min()), float(row.max())
 
     def warms(self, driver: Expression) -> bool:
-        """Whether physics forbids that it cools: powers, irradiances and squared currents, but those of a cooler."""
+        """Whether physics forbids that it cools: heaters, powers, irradiances and squared currents, no cooler's."""
         text = driver.columns[0] if driver.level is not None else driver.text
-        if not _COOLERS.isdisjoint(text.split("_")):
+        words = words_in(*driver.columns)
+        if not _COOLERS.isdisjoint(words) or "*" in text or text.startswith("d("):
             return False
-        return "*" not in text and not text.startswith("d(") and text.endswith((*WARMING, "_A^2", "_V^2"))
+        return text.endswith((*WARMING, "_A^2", "_V^2")) or not HEATERS.isdisjoint(words)
 
     @cached_property
     def ambient_zones(self) -> list[Expression]:

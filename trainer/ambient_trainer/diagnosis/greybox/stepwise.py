@@ -164,7 +164,9 @@ def _next(points: Sequence[Fitted], limits: Limits, offered: Offered, said: Prog
     visible = chosen is not None and (chosen.mechanism.sudden or chosen.mechanism.evident)
     if chosen is not None and not visible and fitted.held_out_rmse_degC < limits.floor_degC:
         small = chosen.rmse_degC > _BELOW_FLOOR * fitted.held_out_rmse_degC
-        chosen = None if small or chosen.mechanism.instrument else chosen
+        # nor does it of a late reference, which only what comes later shows
+        blamed = chosen.mechanism.instrument and not chosen.mechanism.of_reference
+        chosen = None if small or blamed else chosen
     if chosen is not None and chosen.mechanism.tuned:
         again = sharpened(chosen.fitted)
         finer = Trial.of(fitted, again.refitted() if cheap(again) else again)

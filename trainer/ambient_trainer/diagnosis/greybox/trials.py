@@ -13,6 +13,7 @@ from joblib import Parallel, delayed
 from threadpoolctl import ThreadpoolController
 
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.expression import words_in
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit, fit_near
 from ambient_trainer.diagnosis.greybox.scene import THERMOELECTRIC
@@ -239,7 +240,7 @@ def complexity(mechanism: Mechanism) -> float:
     """How much a mechanism assumes: its numbers, its driver's parts, and whether it blames an instrument."""
     text = "" if mechanism.driver is None else mechanism.driver.text
     joule = text.endswith("_A^2")
-    resistive = text.endswith("_A") and THERMOELECTRIC.isdisjoint(text.split("_"))
+    resistive = text.endswith("_A") and THERMOELECTRIC.isdisjoint(words_in(text))
     driver = (
         0.5 * bool(text)
         + 1.0 * (not text and mechanism.key[0] == "heat_source" and mechanism.onset_s is None)

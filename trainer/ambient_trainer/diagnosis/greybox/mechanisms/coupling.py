@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.expression import Expression, words_in
 from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.mechanisms.exponent import Exponent
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import WORK, moves_air
@@ -38,7 +38,7 @@ class Coupling(InProportion):
 
     @property
     def doubtful(self) -> bool:
-        words = {word for each in self.driver.columns for word in each.lower().split("_")} if self.driver else set()
+        words = words_in(*self.driver.columns) if self.driver else set()
         return bool(HUMIDITY & words) and "absolute" not in words
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
@@ -133,5 +133,5 @@ def _coupling(
 def _only_raises(scene: Scene, driver: Expression) -> bool:
     """Whether what a driver says heats, or moves air."""
     column = driver.columns[0]
-    does = scene.warms(driver) or moves_air(column) or not WORK.isdisjoint(column.split("_"))
+    does = scene.warms(driver) or moves_air(column) or not WORK.isdisjoint(words_in(column))
     return does or column.endswith(_GOES_WITH_HEAT)

@@ -8,11 +8,11 @@ import numpy as np
 from ambient_trainer.circuits.addition import with_source
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.expression import Expression, words_in
 from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.scene import HUMIDITY, PRESSURES, Scene
+from ambient_trainer.diagnosis.greybox.scene import HEATERS, HUMIDITY, PRESSURES, Scene
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.words import share
 
@@ -22,7 +22,7 @@ _LEAST_PER_K, _MOST_PER_K = -0.008, 0.2
 _SPEED, _MOVES_AIR = "_m_s", {"fan", "fans", "blower", "wind", "gust", "vent", "damper"}
 """Of air, which heats nothing, and words in the name of what moves it: of eleven measured sets with such a column it
 heated in none, and in four it went along with what did."""
-WORK = {"heater", "burner", "boiler", "lamp", "load", "cpu", "gpu", "usage", "duty", "pwm"}
+WORK = {*HEATERS, "load", "cpu", "gpu", "usage", "duty", "pwm"}
 """Words in the name of what heats by what it does, in whatever unit."""
 _STATES = {*HUMIDITY, "moisture", "pressure"}
 """Words in the name of a state: a level of one heats nothing, though the rate of a pressure does. What hangs on a
@@ -56,7 +56,7 @@ class Heat(InProportion):
         driver = self.driver
         if driver is None:
             return False
-        rate, words = driver.text.startswith("d(") and driver.columns[0].endswith("_frac"), driver.columns[0].split("_")
+        rate, words = driver.text.startswith("d(") and driver.columns[0].endswith("_frac"), words_in(driver.columns[0])
         cools = any(number.value < 0 for number in self.numbers) and not WORK.isdisjoint(words)
         return rate or cools or "flow" in words
 
@@ -120,12 +120,12 @@ def _heating(drivers: Iterable[Expression]) -> list[Expression]:
 
 def moves_air(column: str) -> bool:
     """Whether a column is a speed of air, or of what moves it."""
-    return column.endswith(_SPEED) or not _MOVES_AIR.isdisjoint(column.split("_"))
+    return column.endswith(_SPEED) or not _MOVES_AIR.isdisjoint(words_in(column))
 
 
 def _a_state(driver: Expression) -> bool:
-    words = {word.rstrip("0123456789") for column in driver.columns for word in column.split("_")}
-    return not driver.text.startswith("d(") and (driver.columns[0].endswith(PRESSURES) or not _STATES.isdisjoint(words))
+    state = driver.columns[0].endswith(PRESSURES) or not _STATES.isdisjoint(words_in(*driver.columns))
+    return state and not driver.text.startswith("d(")
 
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from ambient_trainer.circuits.addition import with_edge
 from ambient_trainer.circuits.circuit import Circuit, Node
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.expression import Expression, words_in
 from ambient_trainer.diagnosis.greybox.mechanisms import Joined
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
@@ -41,7 +41,7 @@ class Path(Joined):
 
     @property
     def responds(self) -> bool:
-        return f"{self.ends[1]}_degC" in self.logged and _GIVEN.isdisjoint(self.ends[1].split("_"))
+        return f"{self.ends[1]}_degC" in self.logged and _GIVEN.isdisjoint(words_in(self.ends[1]))
 
     def native(self, circuit: Circuit) -> Circuit | None:
         one, other = self.ends

@@ -90,20 +90,44 @@ class Lag(_Fault):
         return np.asarray(behind - own)
 
 
+class _OfReference(InProportion):
+    """The ambient is another than its reference says."""
+
+    instrument = of_reference = True
+
+    def apply(self, network: Network, values: Array, record: Record) -> None:
+        air = network.boundary(AMBIENT)
+        logged = network.boundary_degC[air]
+        apart = np.array([self.ambient(logged, each / record.period_s) for each in values[:, 0]]) - logged
+        network.flows.append((np.arange(len(network.nodes)), network.loss[:, :, air, None] * apart[:, None]))
+
+    def ambient(self, logged: Array, late: float) -> Array:
+        """The ambient (N,) where the reference, which is ``late`` samples, has ``logged`` (N,)."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True)
-class Clock(InProportion):
+class Clock(_OfReference):
     """The reference's clock is ahead of the device's by so much: its true value comes later in the log."""
 
     cause = "clock_offset"
     noun = "a clock offset between the reference and the device"
-    instrument = shaped = True
+    shaped = True
 
-    def apply(self, network: Network, values: Array, record: Record) -> None:
-        air = network.boundary(AMBIENT)
-        logged, place = network.boundary_degC[air], np.arange(record.samples, dtype=float)
-        shifted = np.array([np.interp(place + shift, place, logged) for shift in values[:, 0] / record.period_s])
-        every = np.arange(len(network.nodes))
-        network.flows.append((every, network.loss[:, :, air, None] * (shifted - logged)[:, None]))
+    def ambient(self, logged: Array, late: float) -> Array:
+        place = np.arange(len(logged), dtype=float)
+        return np.interp(place + late, place, logged)
+
+
+@dataclass(frozen=True)
+class ReferenceLag(_OfReference):
+    """The reference follows the ambient with a lag: T_ambient = T_reference + lag dT_reference/dt."""
+
+    cause = "sensor_lag"
+    noun = "the lag of the reference"
+
+    def ambient(self, logged: Array, late: float) -> Array:
+        return np.asarray(logged + late * np.gradient(logged))
 
 
 @dataclass(frozen=True)
@@ -166,3 +190,6 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
     limit = scene.duration_s / 12
     if scene.ambient_varies:
         yield Clock((), (Number("clock", "s", 0.0, scale=scene.period_s / 2, low=-limit, high=limit),))
+        yield ReferenceLag(
+            (AMBIENT,), (Number("lag_ambient", "s", 0.0, scale=scene.period_s, low=0.0, high=3 * limit),)
+        )
