@@ -8,13 +8,13 @@ from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.forward import forward
-from ambient_trainer.diagnosis.greybox.mechanisms import mass
+from ambient_trainer.diagnosis.greybox.mechanisms import heat, mass
 from ambient_trainer.diagnosis.greybox.mechanisms.latent import Latent
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import every_candidate, screen, shortlist
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
-from ambient_trainer.diagnosis.greybox.trials import compared
+from ambient_trainer.diagnosis.greybox.trials import compared, complexity
 from ambient_trainer.diagnosis.record import records
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause
 
@@ -113,6 +113,18 @@ def test_the_sun_for_a_while_is_on_both(pair, seed):
 
 def test_a_warmer_room_for_a_while_may_be(pair, seed):
     assert warmed_for_a_while(pair, seed, (6.0, 6.0))[1].cause == Cause(UNKNOWN), seed
+
+
+@pytest.mark.parametrize(("logged", "dearer"), [("wind_m_s", 0.5), ("heater_frac", 1.5)])
+def test_where_nothing_that_heats_is_logged_a_place_costs_a_number(pair, logged, dearer):
+    """Bodies slower than the record stood for the offsets of measured thermometers side by side."""
+    draw = np.random.default_rng(4)
+    air = air_degC(draw)
+    columns = {"fast_degC": air + 1.0, "slow_degC": air - 1.0, "ambient_degC": air, logged: draw.random(len(TIME_S))}
+    held = records(Trace("pair", TIME_S, columns), pair.inputs, ["fast_degC", "slow_degC"], 30.0)
+    constants = [each for each in heat.candidates(Scene(bare_fit(GreyBox.of(pair), held))) if each.driver is None]
+    cost = {each.places: complexity(each) for each in constants}
+    assert cost["fast", "slow"] - cost["fast",] == pytest.approx(dearer)
 
 
 @pytest.mark.parametrize(("warm_K", "named"), [(40.0, "heat_source"), (8.0, "unknown")])

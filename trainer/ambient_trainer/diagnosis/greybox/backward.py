@@ -55,15 +55,21 @@ def steps_to(bare: Fitted, fitted: Fitted, tried: int) -> list[Step]:
     """The steps to a model whose mechanisms were found together, each beside all others; what is missed most first."""
     steps = []
     for index, mechanism in list(enumerate(fitted.model.mechanisms))[len(bare.model.mechanisms) :]:
-        before, after = bare, fitted
+        without, after = _at_its_nodes(fitted.model, index), fitted
+        before = _fit(without, fitted, _FEW) or bare
         if not fitted.model.carries(index):
-            without = fitted.model.without(index)
-            before = _fit(without, fitted, _FEW) or bare
             after = _fit(without.with_mechanism(mechanism), fitted, _FEW) or fitted
         before = before.refitted()
         trial = replace(Trial.of(before, after.refitted()), mechanism=mechanism)
         steps.append(Step(before, trial, (), tried))
     return sorted(steps, key=lambda each: -each.before.held_out_rmse_degC)
+
+
+def _at_its_nodes(model: GreyBox, index: int) -> GreyBox:
+    """The model without a mechanism; what acts on its bodies acts on the nodes before them."""
+    nodes = {f"{place}_mass": place for place in model.mechanisms[index].places}
+    moved = (replace(each, places=tuple(nodes.get(at, at) for at in each.places)) for each in model.mechanisms)
+    return replace(model, mechanisms=tuple(moved)).without(index)
 
 
 def _fit(model: GreyBox, near: Fitted, most: int) -> Fitted | None:

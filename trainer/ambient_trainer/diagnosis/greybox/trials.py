@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -13,10 +12,8 @@ from joblib import Parallel, delayed
 from threadpoolctl import ThreadpoolController
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.greybox.expression import words_in
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit, fit_near
-from ambient_trainer.diagnosis.greybox.scene import THERMOELECTRIC
 from ambient_trainer.diagnosis.greybox.screening import Screened, columns_beside, ends_within
 from ambient_trainer.diagnosis.greybox.windows import best_window, sharpened
 from ambient_trainer.diagnosis.record import Record
@@ -33,8 +30,6 @@ _PLACED = 2
 _BEGINS, _BEGINS_DEGC = 0.25, 8.0
 """Of the span of the readings, and at least: a hidden body begins no further beyond the temperatures that are known
 then. What nothing heats lies between them: true bodies of eight measured sets begin within 0.12 of the span."""
-_ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
-"""What carries charge or heat moves no air."""
 
 
 @dataclass(frozen=True)
@@ -239,22 +234,16 @@ def _promise(trial: Trial) -> float:
 def complexity(mechanism: Mechanism) -> float:
     """How much a mechanism assumes: its numbers, its driver's parts, and whether it blames an instrument."""
     text = "" if mechanism.driver is None else mechanism.driver.text
-    joule = text.endswith("_A^2")
-    resistive = text.endswith("_A") and THERMOELECTRIC.isdisjoint(words_in(text))
     driver = (
         0.5 * bool(text)
-        + 1.0 * (not text and mechanism.key[0] == "heat_source" and mechanism.onset_s is None)
-        + 1.0 * (mechanism.cause == "heat_source") * (len(mechanism.places) - 1)
-        + 3.0 * (resistive and mechanism.cause == "heat_source")
         + 1.5 * text.count("*")
         + 0.5 * text.count("/dt")
         + 2.5 * mechanism.tuned
         # a voltage may be a meter's
-        + 0.5 * (text.count("^") - joule + 2 * text.endswith("_V^2"))
+        + 0.5 * (text.count("^") - text.endswith("_A^2") + 2 * text.endswith("_V^2"))
     )
-    electric = 3.0 * (mechanism.cause == "ambient_coupling" and bool(_ELECTRIC.search(text)))
     bounds = 2.5 * ((mechanism.onset_s is not None) + (mechanism.end_s is not None))
-    return 0.5 + mechanism.assumes + 0.5 * len(mechanism.numbers) + driver + electric + bounds
+    return 0.5 + mechanism.assumes + 0.5 * len(mechanism.numbers) + driver + bounds
 
 
 def assumed(model: GreyBox) -> float:

@@ -1,5 +1,6 @@
 """The conductance to the ambient follows a driver: G_i (1 + c w(t)); by the ambient itself it is a law of the loss."""
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -24,6 +25,8 @@ _MOST_LESS, _MOST_MORE, _SWEPT = 0.97, 19.0, 300.0
 _HARDLY_LESS = 0.1
 """Of the loss, where its driver does most: what heats or moves air takes none away. A loss that falls with a power
 reads as heat does; by a laptop's battery, a printer's bed and a glasshouse's lamps it seemed to in measured logs."""
+_ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
+"""What carries charge or heat moves no air."""
 _GOES_WITH_HEAT = ("_A", "_V", "_lux")
 """Units of what is no power, and heats where it is large."""
 
@@ -35,6 +38,10 @@ class Coupling(InProportion):
     cause = "ambient_coupling"
     noun = "a changed resistance to the ambient"
     step = 0.02
+
+    @property
+    def assumes(self) -> float:
+        return 3.0 * (self.driver is not None and bool(_ELECTRIC.search(self.driver.text)))
 
     @property
     def doubtful(self) -> bool:

@@ -1,7 +1,7 @@
 """Heat into nodes, proportional to a driver, or constant."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from ambient_trainer.diagnosis.greybox.expression import Expression, words_in
 from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.scene import HEATERS, HUMIDITY, PRESSURES, Scene
+from ambient_trainer.diagnosis.greybox.scene import HEATERS, HUMIDITY, PRESSURES, THERMOELECTRIC, Scene
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.words import share
 
@@ -31,11 +31,22 @@ balloon seemed to be heated by the thin air."""
 
 @dataclass(frozen=True)
 class Heat(InProportion):
-    """q_i = k_i w(t): a number of each place."""
+    """q_i = k_i w(t): a number of each place; ``only`` where the log has nothing else that may heat."""
+
+    only: bool = False
 
     cause = "heat_source"
     noun = "heat that the circuit does not know"
     from_nothing = True
+
+    @property
+    def assumes(self) -> float:
+        text = "" if self.driver is None else self.driver.text
+        # one driver at several places is more likely at one of them, with paths to the others; thermometers that hang
+        # side by side have an offset each
+        several = 0.0 if self.only else float(len(self.places) - 1)
+        resistive = text.endswith("_A") and THERMOELECTRIC.isdisjoint(words_in(text))
+        return several + 1.0 * (not text and self.onset_s is None) + 3.0 * resistive
 
     @property
     def key(self) -> tuple[str, tuple[str, ...], str]:
@@ -132,7 +143,7 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
     """Every node, and all that have sensors together, by every driver and by none."""
     drivers = _heating(scene.drivers)
     for places in scene.groups(scene.nodes):
-        yield _heat(scene, places, None)
+        yield replace(_heat(scene, places, None), only=not drivers)
         for driver in drivers:
             yield (plain := _heat(scene, places, driver))
             if driver.text.endswith("_A^2") and len(places) == 1:

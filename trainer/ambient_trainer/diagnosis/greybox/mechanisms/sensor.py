@@ -129,6 +129,9 @@ class ReferenceLag(_OfReference):
     def ambient(self, logged: Array, late: float) -> Array:
         return np.asarray(logged + late * np.gradient(logged))
 
+    def meaning(self, number: Number) -> str:
+        return "lag of the reference"
+
 
 @dataclass(frozen=True)
 class Stuck(_Fault):
