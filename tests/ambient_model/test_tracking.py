@@ -86,7 +86,6 @@ def test_after_any_holes_the_state_is_that_of_the_lines_through_what_was_read(da
         rows.append(row)
     tracker = tracker_of(ESTIMATOR)
     given = [tracker.update(start_s + float(step), row) for step, row in zip(times, rows)]
-
     last = max(k for k, row in enumerate(rows) if None not in row)
     path = np.empty((times[last] + 1, 3))
     for column in range(3):

@@ -197,7 +197,6 @@ def test_the_limits_are_those_of_a_working_command(model_file):
 
 DATA = json.loads((Path(__file__).parents[1] / "data" / "model-v1.json").read_text())
 
-
 COEFFICIENTS = [
     way
     for way in ways(DATA)
@@ -272,12 +271,10 @@ def test_a_model_of_any_coefficients_runs_sound_or_is_refused(data, drawn):
 numbers = st.sampled_from([0, -0.0, 1, 1e-320, 0.999999, 1e12, -1e12, 1e300, 10**400])
 """As YAML, or JSON, which is YAML, too."""
 
-
 WORDS = "model zones publish rate_hz &a *a << !!float !!int !!set !!omap !!binary !!timestamp !x !!python/tuple no"
 VALUES = '\'\' "\\0" "\\ud800" 0x 0b_ 1:59:59 .inf .nan 2001-13-41 = ~ 1e999 @ ` \x85 \u2028 \ufeff'
 SIGNS = [*"{}[]|#\n\t", ": ", "- ", "? ", "\n  ", ", ", ">-\n", "---\n", "...\n", "%YAML 1.1\n"]
 tokens = st.sampled_from([*[f"{word} " for word in WORDS.split()], *VALUES.split(" "), *SIGNS])
-
 
 texts = damaged(WHOLE, anything(numbers)).map(json.dumps) | st.lists(tokens, max_size=25).map("".join)
 

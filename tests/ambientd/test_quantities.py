@@ -13,7 +13,6 @@ READERS = {degC_from_millidegrees: 1000, degC_from_tenths: 10, from_micro: 10**6
 every_reader = pytest.mark.parametrize("reader", READERS, ids=lambda reader: reader.__name__)
 quick = settings(derandomize=True, deadline=None)
 
-
 FORMS = [*b" ,\n,-,--1,nan,1e3,26.5,0x1F,1_000,+5,12 13,25000\n26000\n".split(b","), b"9" * 32, "٣٤".encode()]
 ENDS = st.sampled_from([b"", b"\n", b" \n"])
 NUMBERS = st.builds(lambda number, end: b"%d" % number + end, st.integers(-2732, 10**9), ENDS)

@@ -27,7 +27,6 @@ def test_one_that_fails_is_done_without_and_taken_back(tracking, zones, error):
     zones.heal("usb-therm")
     back = tracking.steps(40)[-1]
     assert (back["status"], back["sensors"]["usb"]["used"]) == ("tracking", 30.0)
-
     zones.fail("cpu-0-0", error)
     assert {each["status"] for each in tracking.steps(12)} == {"coasting"}
     zones.heal("cpu-0-0")

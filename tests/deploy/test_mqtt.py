@@ -88,16 +88,13 @@ def test_it_follows_the_daemon_over_restarts_of_either_side(
     first = next(each for each in heard if each["ambient_degC"] != pytest.approx(23.0))
     following = [changed, *itertools.islice(ticks, 19)]
     assert first["ambient_degC"] in [each["ambient_degC"] for each in following], "it follows more than 2 s later"
-
     daemon.send_signal(signal.SIGTERM)
     until(lambda: retained().get(AVAILABLE) == "offline", "a daemon that has ended is not noticed")
     spawn(run, env={}, stdout=subprocess.DEVNULL, stderr=None)
     until(lambda: retained().get(AVAILABLE) == "online", "the next daemon is not noticed")
-
     broker.stop()
     broker.start()
     until(lambda: {*CONFIGS, AVAILABLE, STATE} <= retained().keys(), "the next broker is not told")
     assert retained()[AVAILABLE] == "online"
-
     bridge.kill()
     until(lambda: retained().get(AVAILABLE) == "offline", "the last will is not heard")

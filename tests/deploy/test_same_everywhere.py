@@ -18,7 +18,6 @@ from processes import ran
 
 ROOT = Path(__file__).resolve().parents[2]
 
-
 INPUTS = tuple(Input(name, "degC", f"{name}-therm", -20.0, 90.0) for name in ("usb", "battery", "cpu", "skin", "modem"))
 
 

@@ -130,12 +130,10 @@ def test_the_events_follow_the_daemon_and_none_comes_of_a_fault_or_a_death(
     values, times_s = zip(*hal.events(13))
     assert all(abs(after - before) >= 0.0999 for before, after in itertools.pairwise(values))
     assert all(after - before >= 0.2 for before, after in itertools.pairwise(times_s)), "no faster than asked for"
-
     meanwhile(None, lambda: "no estimate" in hal.state(until))
     reported = hal.values()
     assert all(23.0 <= value <= 26.1 for value in reported), "no poison, no zero"
     meanwhile(28.0, lambda: hal.values()[-1] == pytest.approx(28.0, abs=0.1))
-
     weather.kill()
     until(lambda: "active, not connected, no estimate" in hal.state(until))
     reported = hal.values()

@@ -51,10 +51,7 @@ def short(tmp_path):
     shipped = Path(scenario_path("1")).with_name("laboratory.yaml")
     text = shipped.read_text().replace("ambient_lost_s: 300", "ambient_lost_s: 1200")  # a loaded machine stalls
     (tmp_path / "lab.yaml").write_text(text)
-    steps = [
-        {"duration_min": 3, "chamber_degC": 25},
-        {"duration_min": 3, "chamber_degC": 25, "load": ["cpu_50"]},
-    ]
+    steps = [{"duration_min": 3, "chamber_degC": 25}, {"duration_min": 3, "chamber_degC": 25, "load": ["cpu_50"]}]
     path = tmp_path / "short.yaml"
     data = {"format": "ambient-campaign", "version": 1, "about": "mine", "laboratory": "lab.yaml", "steps": steps}
     path.write_text(yaml.safe_dump(data))
@@ -85,7 +82,6 @@ def test_ctrl_c_comes_to_safety_and_resume_goes_on(interrupted, short, tmp_path)
         assert part in picture
     assert all(part in said for part in ("SIGINT", "20 degC", "--resume"))
     assert (tmp_path / "t.csv.part").exists()
-
     for options, remedy in ((("--speed", 50), "--resume"), (("--resume",), "--simulate --speed 50")):
         again = collected(short, "--simulate", *options, "-o", output, status=1)
         assert all(part in again.stderr for part in ("t.csv.part", remedy))

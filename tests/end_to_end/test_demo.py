@@ -17,7 +17,6 @@ def test_the_whole_path(process, tmp_path, as_documented):
     (row,) = re.findall(r"^ free-2 .*", printed, flags=re.MULTILINE)
     _, _, _, _, held_out, static, *_ = row.split()
     assert float(held_out) == replayed < float(static)
-
     out = tmp_path / "out"
     assert load_trace(str(out / "training.csv")).notes["simulated"] == "yes"
     model = load_model(str(out / "model.json"))

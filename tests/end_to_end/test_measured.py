@@ -44,7 +44,6 @@ def test_the_daemon_is_within_0_75_degC_on_what_it_never_saw(command, chamber_lo
     model = tmp_path / "model.json"
     command("ambient_trainer", "fit", chamber, "--circuit", "free-3", "--starts", 2, "--to", split_s, "-o", model)
     assert len(json.loads(model.read_text())["states"]) <= 4
-
     error_degC = rmse(*replayed(command, tmp_path, chamber, model, split_s)[:2])
     figures = tmp_path / "figures.json"
     command("ambient_trainer", "evaluate", model, chamber, "--from", split_s, "--run-in", "--json", figures)

@@ -138,7 +138,6 @@ def test_it_prints_writes_and_draws(figures, saved, model, tmp_path):
     assert "0.126 soc" in out
     assert "soc at 61 degC, 20 degC at 166 degC (" in out
     assert lines[-2:] == [f"Figures: {tmp_path}/figures.json", f"Report: {report}/index.html"]
-
     assert found["simulated"] is True
     assert found["model"] == "free-2"
     assert found["seeds"] == [1]

@@ -181,7 +181,6 @@ def test_a_file_gives_the_circuit_that_its_text_does_or_is_refused(tmp_path):
 _WORDS = st.sampled_from(["board", "chip", "ambient", "C_board", "w", "parallel", "sensors", "1e3", "1e999", "{mend}"])
 _ANYTHING = anything(st.integers(10**400, 10**401), _WORDS, st.dictionaries(st.just("board"), _WORDS))
 
-
 _TEXTS = st.sampled_from([{}, {"outputs": "sensors"}]).flatmap(
     lambda changes: damaged({**yaml.safe_load(EXAMPLE), **changes}, _ANYTHING).map(yaml.safe_dump)
 )
@@ -209,7 +208,6 @@ ONE_NODE = {
     "edges": [{"between": ["on", "ambient"], "resistance": 1.0}],
     "outputs": {"ambient": {"states": "parallel"}},
 }
-
 
 BREAKS = "\x85 or \u2028 or \n breaks a line, \ufeff none: 20 \N{DEGREE SIGN}C"
 

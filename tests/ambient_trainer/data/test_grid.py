@@ -19,7 +19,6 @@ def _trace(time_s, **columns):
 
 NAN = float("nan")
 
-
 # seconds, an input, a reference; the input and the reference on a grid of a second
 ON_THE_GRID = {
     "as it stands": (range(5), [1, 2, 3, 4, 5], [9, 8, NAN, 6, 5], [1, 2, 3, 4, 5], [9, 8, NAN, 6, 5]),

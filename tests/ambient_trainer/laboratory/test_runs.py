@@ -73,7 +73,6 @@ def test_a_hot_device_ends_the_run_safely(night):
 @in_real_time
 def test_an_alarm_stops_the_chamber_and_not_the_logging(night):
     held = []
-
     lab = night(minutes((3, 40), (4, 45, ["cpu_100"])))
     events = lab.run(
         [

@@ -10,7 +10,6 @@ from ...conftest import CIRCUITS
 
 PERIOD_S = 5.0
 
-
 TRUTH = {
     "C_chip": 2.4,
     "C_board": 19.0,

@@ -3,13 +3,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from ambient_trainer.laboratory.instruments import (
-    AIR,
-    THERMOMETER_COLUMN,
-    instrument,
-    probe_column,
-    settings,
-)
+from ambient_trainer.laboratory.instruments import AIR, THERMOMETER_COLUMN, instrument, probe_column, settings
 from ambient_trainer.laboratory.messages import Clock, InstrumentError
 
 SPEED = 20.0
