@@ -24,7 +24,6 @@ PERIODS_S = (0.1, 0.25, 1.0, 2.5, 10.0)
 printable = st.characters(exclude_categories=("C", "Z"), include_characters=" ")
 texts = st.text(printable, min_size=1, max_size=12)
 coefficients = st.floats(-10, 10)
-temperatures_degC = st.floats(-40, 90)
 
 
 def matrices(rows: int, columns: int) -> st.SearchStrategy[Matrix]:
@@ -90,7 +89,7 @@ def models(draw: st.DrawFn) -> Model:
     main = draw(estimators(read, periods_s))
     guards = st.builds(Secondary, estimators(read, periods_s), st.floats(0, 20, exclude_min=True))
     guard = draw(st.none() | guards)
-    rows = draw(st.lists(st.tuples(*[temperatures_degC] * len(read)), min_size=1, max_size=4))
+    rows = draw(st.lists(st.tuples(*[st.floats(-40, 90)] * len(read)), min_size=1, max_size=4))
     return Model(
         name=draw(texts),
         created=draw(texts),

@@ -7,10 +7,8 @@ import pytest
 
 from .conftest import KINDS
 
-ERRORS = ("EAGAIN", "ENODATA", "ENXIO", "EIO", "ETIMEDOUT", "ENODEV", "EINVAL")
 
-
-@pytest.mark.parametrize("error", ERRORS)
+@pytest.mark.parametrize("error", ["EAGAIN", "ENODATA", "ENXIO", "EIO", "ETIMEDOUT", "ENODEV", "EINVAL"])
 def test_one_that_fails_is_done_without_and_taken_back(tracking, zones, error):
     """First one with a fallback, then one without."""
     before = tracking.step()

@@ -14,11 +14,8 @@ from ambient_model.model import Discrete, Estimator, Input, Model
 
 from .observer import number_in
 
-OBSERVER = Path(__file__).parent / "observer.py"
 KILLS = 24
 ROWS = 3000
-FIRST_ROW = 9_000
-"""Values of four digits, and soon of five and six."""
 
 
 @pytest.fixture
@@ -34,7 +31,7 @@ def observed(tmp_path, spawn):
     """The folder to publish in, someone who looks at it all the time, and what that one has to say in the end."""
     folder = tmp_path / "out"
     folder.mkdir()
-    observer = spawn([sys.executable, OBSERVER, folder])
+    observer = spawn([sys.executable, Path(__file__).with_name("observer.py"), folder])
 
     def end():
         (folder / "stop").touch()
@@ -59,7 +56,7 @@ def test_killed_at_random_moments_it_never_misleads(tmp_path, echo_model, observ
         status = folder / "status"
         return round(json.loads(status.read_bytes())["ambient_degC"] * 1000) if status.exists() else 0
 
-    row = FIRST_ROW
+    row = 9_000  # values of four digits, and soon of five and six
     for kill in range(KILLS + 1):
         trace.write_text("time_s,row_degC\n" + "".join(f"{k},{k / 1000}\n" for k in range(row, row + ROWS)))
         daemon = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)

@@ -12,7 +12,6 @@ from processes import resident_kB
 from .conftest import KINDS
 
 ERRORS = ("EAGAIN", "ENODATA", "ENXIO", "EIO", "ETIMEDOUT", "ENODEV")
-ROUNDS = 15
 PATIENCE_S = 0.25
 """The daemon's own."""
 GARBAGE = (b"", b"-32768000\n", b"nan\n", b"125000\n", b"\xff" * 50)
@@ -100,7 +99,7 @@ def test_whatever_happens_it_says_the_same_everywhere_and_keeps_nothing(start, z
     held = months.rest()
     held_kB = []
     try:
-        for _ in range(ROUNDS):
+        for _ in range(15):
             months.pass_by(QUICK, 600)
             months.pass_by(RARE, 30)
             assert months.rest() == held

@@ -22,7 +22,6 @@ DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 SENSORS = DEPLOY / "android" / "sensors"
 STAND_INS = Path(__file__).with_name("sensors")
 MULTIHAL = Path(os.environ.get("AMBIENTD_SENSORS_MULTIHAL", DEPLOY.parents[1] / "shared/consumers/sensors-multihal"))
-GENERATED = ("2.0/types.h", "2.1/types.h", "2.1/ISensors.h")
 BAD_VALUE, INVALID_OPERATION = -22, -38
 
 
@@ -35,7 +34,7 @@ def compiled(request, tmp_path_factory):
     if request.param != "stand-ins" and not (real / "V2_1" / "SubHal.h").is_file():
         pytest.skip("the Multi-HAL's headers are not in AMBIENTD_SENSORS_MULTIHAL")
     folder = tmp_path_factory.mktemp("sensors")
-    for name in GENERATED:
+    for name in ("2.0/types.h", "2.1/types.h", "2.1/ISensors.h"):
         header = folder / "generated" / "android" / "hardware" / "sensors" / name
         header.parent.mkdir(parents=True, exist_ok=True)
         header.write_text(f'#include "{STAND_INS / "hidl.h"}"\n')

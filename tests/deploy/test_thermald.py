@@ -13,7 +13,6 @@ from ambientd.config import load_settings
 from processes import ran
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
-SHIPPED = DEPLOY / "thermald" / "thermal-conf.xml"
 
 
 @pytest.fixture
@@ -26,7 +25,7 @@ def thermald(tmp_path, program, spawn):
         pytest.skip("a thermald runs here already, and a second one would end at once")
 
     def start(paths):
-        text = SHIPPED.read_text()
+        text = (DEPLOY / "thermald" / "thermal-conf.xml").read_text()
         for shipped, ours in paths.items():
             assert text.count(f"<Path>{shipped}</Path>") == 1
             text = text.replace(shipped, str(ours))

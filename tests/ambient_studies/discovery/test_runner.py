@@ -10,8 +10,6 @@ from ambient_trainer.diagnosis.result import Cause
 
 pytestmark = pytest.mark.slow
 
-BIAS = Cause("sensor_bias", "display")
-
 
 @pytest.fixture(scope="module")
 def done(bench, cases):
@@ -23,7 +21,7 @@ def test_workers_find_what_is_hidden(done, cases):
     nothing, bias = (each.outcome for each in done)
     assert nothing.true == ()
     assert nothing.correct == (nothing.found == ())
-    assert bias.true == (BIAS,)
+    assert bias.true == (Cause("sensor_bias", "display"),)
     assert bias.correct
     assert done[1].outcome.onset_right
     assert done[1].outcome.magnitude_right

@@ -11,7 +11,6 @@ from ambient_trainer.simulator.live import Sensors
 from ambient_trainer.simulator.run import Run, integrate, stream
 
 PHONE = load_device()
-SOC = PHONE.index("soc")
 ZONES = [PHONE.zone(name) for name in ("soc", "flash", "usb", "msm-skin", "pm8350", "battery-cell")]
 
 
@@ -49,5 +48,5 @@ def test_under_a_cap_it_is_a_phone_whose_load_asks_for_that_much():
 def test_the_skin_is_the_hottest_surface_node():
     nodes = np.arange(2.0 * len(PHONE.nodes)).reshape(2, -1)
     nodes[0, PHONE.index("back")] = 50.0
-    nodes[:, SOC] = 90.0
+    nodes[:, PHONE.index("soc")] = 90.0
     assert skin_degC(nodes).tolist() == [50.0, 11.0 + PHONE.index("frame")]

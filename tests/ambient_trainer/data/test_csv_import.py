@@ -127,13 +127,12 @@ def test_what_nobody_logged_comes_in_as_assumed(write, tmp_path):
     }
 
 
-HEADLESS = {"header": False, "time": {"column": 1, "unit": "s"}}
 # a table, its layout, and the place and a word of what is wrong
 WRONG = [
     ("", {}, "", "no header line"),
     ("t,a\n", {}, "", "no rows"),
     ("", {"header": False}, "", "no row"),
-    ("0,1\n1,2\n", HEADLESS, "columns.a_degC.from", "line 1 has 1, 2"),
+    ("0,1\n1,2\n", {"header": False, "time": {"column": 1, "unit": "s"}}, "columns.a_degC.from", "line 1 has 1, 2"),
     ("t,a\n0,1\n", {"drop_rows": {"s": ["x"]}}, "drop_rows.s", "line 1 has t, a"),
     ("t,a\n0,1\n1,1\n", {"drop_rows": {"a": [1]}}, "", "2 dropped since the map's 'drop_rows'"),
     ("t,a\nx,1\n1,y\nnan,1\n", {"bad_rows": "drop"}, "", "3 dropped since they cannot be read"),

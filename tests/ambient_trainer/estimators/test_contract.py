@@ -51,9 +51,6 @@ def test_a_breach_is_named():
         check_estimator(Peeking(1), [made(1, 160)], made(2, 80))
 
 
-ONE = Effort(starts=1)
-
-
 def test_an_unknown_name_one_of_another_kind_or_sensors_of_a_circuit_are_refused_before_any_trace_is_read():
     said = str(refused(estimator, "free-9"))
     for name in ("phone", "phone_observer", "free-1", "free-4", "circuit_observer"):
@@ -69,7 +66,7 @@ def test_an_unknown_name_one_of_another_kind_or_sensors_of_a_circuit_are_refused
 @pytest.mark.parametrize("name", ["free-1", "model2_ss", "linear_combined"])
 def test_the_machines_view_is_plain_json(name):
     """An unidentifiable circuit has no intervals: null, never NaN."""
-    fit = estimator(name).fit([made(0, 600, ("soc", "flash", "battery", "usb", "display"))], ONE)
+    fit = estimator(name).fit([made(0, 600, ("soc", "flash", "battery", "usb", "display"))], Effort(starts=1))
     said = json.loads(json.dumps(report_of(fit).data, allow_nan=False))
     assert said["rmse_degC"] == fit.rmse_degC
     assert [each["name"] for each in said["parameters"]] == [each.name for each in fit.parameters]

@@ -49,16 +49,13 @@ def known_trace(ambient_degC: float = 21.0, samples: int = 400, seed: int = 0) -
     return Trace("known.csv", np.arange(samples) * 1.0, columns)
 
 
-SOURCE = {"trace": "known.csv", "sha256": "0" * 64, "from_s": None, "to_s": None}
-
-
 def test_the_corrected_file_is_right_on_average_and_otherwise_the_same():
     model, trace = mean_model(), known_trace()
     found = correction(model, trace)
     assert list(found.offsets_degC) == ["main", "without usb", "guard"]
     # white noise of 0.1 in each sensor
     assert found.standard_error_degC == pytest.approx(0.1 * np.sqrt(0.5) / np.sqrt(400), rel=0.5)
-    result = corrected(model, found, SOURCE)
+    result = corrected(model, found, {"trace": "known.csv", "sha256": "0" * 64, "from_s": None, "to_s": None})
     assert evaluate_trace(result, trace).metrics.mbe_degC == pytest.approx(0.0, abs=1e-9)
     before, after = evaluate_trace(model, known_trace(seed=5)), evaluate_trace(result, known_trace(seed=5))
     assert before.metrics.mbe_degC == pytest.approx(-4.0, abs=0.02)

@@ -23,7 +23,6 @@ from ambient_trainer.laboratory.simulation import simulated_laboratory
 
 SPEED = 60.0
 SAFE_DEGC = 20.0
-COLLECTOR = Path(__file__).with_name("collector.py")
 
 
 class Collector:
@@ -31,7 +30,7 @@ class Collector:
 
     def __init__(self, spawn, path, output, environment, *words, speed=SPEED):
         self.acknowledged, self.lines = 0, []
-        call = [sys.executable, COLLECTOR, path, output, speed, *words]
+        call = [sys.executable, Path(__file__).with_name("collector.py"), path, output, speed, *words]
         self.process = spawn(call, env={**os.environ, **environment})
         self.reader = threading.Thread(target=self._read)
         self.reader.start()

@@ -18,12 +18,11 @@ from ambient_trainer.simulator.heat import HeatBalance
 from refusals import refused_places
 
 DAY = "set_top_box"
-PERIOD_S = 60.0
 
 
 @pytest.fixture(scope="module")
 def day():
-    return simulate(DAY, "set_top_box", seed=1, period_s=PERIOD_S).trace
+    return simulate(DAY, "set_top_box", seed=1, period_s=60.0).trace
 
 
 def test_it_logs_its_sensors_its_drives_and_its_fan(day):

@@ -6,7 +6,6 @@ import pytest
 from ambient_trainer.laboratory.instruments import AIR, THERMOMETER_COLUMN, instrument, probe_column, settings
 from ambient_trainer.laboratory.messages import Clock, InstrumentError
 
-SPEED = 20.0
 KINDS = {"chamber": "voetsch-vt4004", "multiplexer": "agilent-34970a", "thermometer": "greisinger-easybus"}
 COLUMNS = {"chamber": AIR, "multiplexer": probe_column("air"), "thermometer": THERMOMETER_COLUMN}
 
@@ -53,7 +52,7 @@ class Bench(NamedTuple):
 
 @pytest.fixture
 def clock() -> Clock:
-    return Clock(SPEED)
+    return Clock(20.0)
 
 
 @pytest.fixture
