@@ -218,8 +218,6 @@ def listen() -> Iterator[Callable[[object], TextIO]]:
 
 @pytest.fixture
 def saved(tmp_path: Path) -> "Callable[[Model], str]":
-    """Writes a model and returns its path."""
-
     from ambient_model.codec import save_model
 
     def save(model: "Model") -> str:

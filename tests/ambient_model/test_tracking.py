@@ -60,14 +60,6 @@ def numpy_outputs(estimator: Estimator, path: np.ndarray) -> np.ndarray:
     return np.array(outputs)
 
 
-def assert_starts_again(tracker: Tracker, at_s: float, period_s: float = 1.0) -> None:
-    path = wander(5)
-    given = fed(tracker, path, at_s, period_s)
-    assert [each.status for each in given] == [WARMING_UP] * 5
-    wanted = numpy_outputs(tracker.estimator, path)
-    np.testing.assert_allclose([each.ambient_degC for each in given], wanted, rtol=1e-12, atol=1e-12)
-
-
 ESTIMATOR = random_estimator()
 
 
@@ -111,7 +103,11 @@ def test_beyond_the_limit_nothing_is_trusted_until_it_starts_again(period_s: flo
     given = [tracker.update(k * period_s, missing) for k in range(1, limit_steps + 4)]
     assert [each.status for each in given] == [COASTING] * limit_steps + [FAULTED] * 3
     assert given[limit_steps:] == [Estimate(None, None, None, FAULTED, missing)] * 3
-    assert_starts_again(tracker, (limit_steps + 9) * period_s, period_s)
+    path = wander(5)
+    again = fed(tracker, path, (limit_steps + 9) * period_s, period_s)
+    assert [each.status for each in again] == [WARMING_UP] * 5
+    wanted = numpy_outputs(tracker.estimator, path)
+    np.testing.assert_allclose([each.ambient_degC for each in again], wanted, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("value", [-50.0001, 100.0001, 1e308, -1e308, math.nan, math.inf, -math.inf])

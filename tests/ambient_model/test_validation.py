@@ -122,11 +122,7 @@ def loose(model: Model) -> Observer:
 @pytest.mark.parametrize("phases", [(0, 3, 6, 9), (9, 7, 1, 4)])
 def test_every_sensor_at_a_tenth_of_the_rate_from_the_start(loose: Observer, phases: tuple[int, ...]) -> None:
     apart = (-3.0, 0.0, 3.0, 1.0)
-
-    def sparse(k: int, u: list[float]) -> list[float | None]:
-        return [u[i] + apart[i] if k % 10 == phases[i] else None for i in range(4)]
-
-    found = fed(loose, 300, sparse)
+    found = fed(loose, 300, lambda k, u: [u[i] + apart[i] if k % 10 == phases[i] else None for i in range(4)])
     first = min(phases)
     assert [each.status for each in found[:9]] == ["faulted"] * first + ["degraded"] * (9 - first)
     assert {each.status for each in found[9:]} == {"tracking"}

@@ -52,18 +52,14 @@ print(*sorted(set(sys.modules) - before), sep="\\n")
 """
 
 
-def imported_by(sources, *packages: str) -> set[str]:
-    """What a bare interpreter, without site-packages and the libraries of the host, loads for all modules."""
+@pytest.mark.parametrize("packages", [("ambient_model",), ("ambient_model", "ambientd")])
+def test_a_bare_interpreter_imports_every_module_of_the_device(sources, packages: tuple[str, ...]) -> None:
+    """Without site-packages and the libraries of the host."""
     script = IMPORT_ALL.format(
         foreign=FOREIGN,
         path=[str(sources.root / "shared"), str(sources.root / "daemon")],
         modules=[name for package in packages for name in sources.modules(package) if not name.endswith("__main__")],
     )
-    return set(ran(sys.executable, "-I", "-S", "-c", script).stdout.split())
-
-
-@pytest.mark.parametrize("packages", [("ambient_model",), ("ambient_model", "ambientd")])
-def test_a_bare_interpreter_imports_every_module_of_the_device(sources, packages: tuple[str, ...]) -> None:
-    loaded = imported_by(sources, *packages)
+    loaded = set(ran(sys.executable, "-I", "-S", "-c", script).stdout.split())
     assert {name.partition(".")[0] for name in loaded} >= set(packages)
     assert loaded & {*HEAVY, *FOREIGN} == set(), COST

@@ -57,8 +57,6 @@ def sensor_trace(samples: int, seed: int = 1, period_s: float = 1.0) -> Trace:
 
 @pytest.fixture
 def files(saved, tmp_path: Path) -> Callable[..., tuple[str, str]]:
-    """Writes a model and a trace and returns their paths."""
-
     def save(trace: Trace, provenance: dict[str, Any] | None = None) -> tuple[str, str]:
         save_trace(str(tmp_path / "trace.csv"), trace)
         return saved(two_sensor_model(provenance)), str(tmp_path / "trace.csv")

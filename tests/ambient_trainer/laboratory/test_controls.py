@@ -184,19 +184,13 @@ class Slow:
         self.closed = True
 
 
-def sampled(durations_s, period_s):
-    """What a sampler of a slow instrument posts."""
+@given(st.lists(st.floats(0.0, 5.0), min_size=1, max_size=20), st.floats(0.05, 3.0))
+def test_every_sample_is_asked_for_at_a_multiple_of_its_own(durations_s, period_s):
     clock, posted = StillClock(), []
     instrument = Slow(clock, durations_s)
     instrument.sampler = Sampler("x", instrument, period_s, clock, posted.append)
     instrument.sampler.run()
     assert instrument.closed
-    return posted
-
-
-@given(st.lists(st.floats(0.0, 5.0), min_size=1, max_size=20), st.floats(0.05, 3.0))
-def test_every_sample_is_asked_for_at_a_multiple_of_its_own(durations_s, period_s):
-    asked = [sample.asked_s for sample in sampled(durations_s, period_s)]
-    places = [each / period_s for each in asked]
+    places = [sample.asked_s / period_s for sample in posted]
     assert all(math.isclose(place, round(place), rel_tol=1e-9, abs_tol=1e-6) for place in places)
     assert len({round(place) for place in places}) == len(places)

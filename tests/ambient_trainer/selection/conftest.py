@@ -63,7 +63,6 @@ def small():
 
 
 def found_in(trace, jobs, checks=(), with_circuits=True):
-    """What the search finds in a trace."""
     with ResumablePool(jobs) as pool:
         return searched(data_of(trace), pool, [LONER, "right"], checks, with_circuits)
 

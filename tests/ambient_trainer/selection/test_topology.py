@@ -111,12 +111,6 @@ def test_the_steps_find_the_topology_that_was_hidden_and_leave_out_an_edge_that_
     assert len(best_topology(("left", "right"), 2, score).edges) == 1
 
 
-def values_of(circuit, **changed):
-    random = np.random.default_rng(0)
-    values = truth_of(circuit)
-    return {**values, **{name: random.normal() for name in values if name[:2] in ("c_", "d_")}, **changed}
-
-
 @pytest.mark.parametrize(
     ("topology", "name", "edge"),
     [
@@ -127,7 +121,9 @@ def values_of(circuit, **changed):
 )
 def test_an_edge_that_conducts_nothing_is_gone_and_nothing_else_changes(small, topology, name, edge):
     circuit = circuit_of(topology, TAU_S, "searched", "by a search")
-    values = values_of(circuit, **{name: 1e7})
+    random, values = np.random.default_rng(0), truth_of(circuit)
+    values.update({each: random.normal() for each in values if each[:2] in ("c_", "d_")})
+    values[name] = 1e7
     less, drawn = pruned(circuit, topology, values)
     assert set(drawn.edges) == set(topology.edges) - {edge}
     assert name not in {each.name for each in less.parameters}

@@ -11,7 +11,6 @@ COLUMNS = {"chamber": AIR, "multiplexer": probe_column("air"), "thermometer": TH
 
 
 def settings_of(role: str, port: str = "/nowhere/port", **values: Any) -> Any:
-    """Settings of the shipped instrument of a role."""
     if role == "multiplexer":
         values.setdefault("probes", {"air": 103, "wall": 101})
     return settings(KINDS[role], port=port, **values)
@@ -19,8 +18,6 @@ def settings_of(role: str, port: str = "/nowhere/port", **values: Any) -> Any:
 
 @pytest.fixture
 def driver_at(driver_of) -> Callable[..., Any]:
-    """Makes a driver of a role at a port, which has the given settings."""
-
     def make(role: str, port: str = "/nowhere/port", clock: Clock | None = None, **values: Any):
         return driver_of(settings_of(role, port, **values), clock)
 
@@ -46,7 +43,6 @@ class Bench(NamedTuple):
         return error
 
     def reading(self) -> float:
-        """The temperature that a reading holds."""
         return self.driver.read().values[COLUMNS[self.role]]
 
 
@@ -57,8 +53,6 @@ def clock() -> Clock:
 
 @pytest.fixture
 def bench(clock, driver_at, closed) -> Callable[..., Bench]:
-    """Makes a bench of a role, its driver with the given settings."""
-
     def make(role: str, **values: Any) -> Bench:
         simulated_class = instrument(KINDS[role]).Simulated
         if role == "chamber":

@@ -14,7 +14,6 @@ TOPIC = "home/desk"
 
 @pytest.fixture
 def publish(broker):
-    """Publishes messages at the topic."""
     from paho.mqtt import publish
 
     def send(*messages, retain=False):
