@@ -65,8 +65,11 @@ def test_kirchhoff_of_the_thesis():
     assert (found.A.shape, found.C.shape) == ((0, 0), (1, 0))
 
 
-def _assert_slopes(circuit, values):
-    """The analytic derivatives against central differences extrapolated once (error of order h^4)."""
+@given(st.from_type(Circuit))
+@settings(max_examples=40)
+def test_derivatives(circuit):
+    """The analytic ones against central differences extrapolated once (error of order h^4)."""
+    values = _anywhere(circuit)
     found = assemble(circuit, values).derivative
     for index, parameter in enumerate(circuit.parameters):
 
@@ -83,12 +86,6 @@ def _assert_slopes(circuit, values):
             np.testing.assert_allclose(
                 getattr(found, each)[index], wanted, rtol=1e-8, atol=tolerance, err_msg=f"{each} by {parameter.name}"
             )
-
-
-@given(st.from_type(Circuit))
-@settings(max_examples=40)
-def test_derivatives(circuit):
-    _assert_slopes(circuit, _anywhere(circuit))
 
 
 @given(st.from_type(Circuit))
