@@ -280,14 +280,17 @@ def test_a_cooler_takes_heat_away_by_the_power_that_it_uses(circuit, simulated, 
     assert found.verdict.magnitude.value < 0, seed
 
 
-def test_no_heater_cools(circuit, simulated, recorded):
-    """With a negative heat a second heater made up for how late a measured first one warmed."""
+def test_no_heater_cools_or_heats_beyond_a_level_alone(circuit, simulated, recorded):
+    """With a negative heat a second heater made up for how late a measured first one warmed; a load beyond a level for
+    a fan that began in mid-log."""
     trace = simulated(6)
     renamed = {"current_A": "heater2_frac", "humidity_frac": "heater_cooling_frac", "wind_m_s": "valve_frac"}
     columns = {renamed.get(name, name): row for name, row in trace.columns.items()}
     scene = Scene(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=columns))))
     least = {each.driver.text: each.numbers[0].low for each in heat.candidates(scene) if each.driver is not None}
     assert [least[name] for name in ("heater2_frac", "heater_cooling_frac", "valve_frac")] == [0.0, -np.inf, -np.inf]
+    beyond = {each.columns[0] for each in scene.tuned_drivers if ">" in each.text}
+    assert {"heater2_frac", "valve_frac"} & beyond == {"valve_frac"}
 
 
 @pytest.mark.parametrize(("began_degC", "apart"), [(26.0, False), (65.0, True)])

@@ -34,7 +34,8 @@ THERMOELECTRIC = {"peltier", "tec"}
 _COOLERS = {"aircon", "ac", "chiller", "compressor", "cooler", "cooling", "fridge", *THERMOELECTRIC}
 """Words in the name of what takes heat away by the power that it uses, or, a Peltier element, by its current."""
 HEATERS = {"heater", "burner", "boiler", "lamp"}
-"""Words in the name of what heats, in whatever unit."""
+WORK = {*HEATERS, "load", "cpu", "gpu", "usage", "duty", "pwm"}
+"""Words in the names of heaters, and of work that heats, in whatever unit."""
 HUMIDITY = {"humidity", "rh"}
 """Words in the name of a relative humidity, which falls where the air is warmed: an effect as well as a cause."""
 PRESSURES = ("_hPa", "_Pa", "_bar")
@@ -148,7 +149,7 @@ class Scene:
     @cached_property
     def tuned_drivers(self) -> list[Expression]:
         """Columns that act later, by a delay as of a pipe or a lag as of a heater's own body, and those that act beyond
-        a level: no power does, nor a current."""
+        a level: no power does, nor a current, nor work."""
         plain = [each.text for each in self.drivers if each.columns == (each.text,)]
         shortest_s, longest_s = _SHORTEST_DELAY * self.period_s, min(_LONGEST_DELAY * self.longest_s, _LONGEST_DELAY_S)
         delays_s = np.geomspace(shortest_s, longest_s, 8) if shortest_s < longest_s else np.zeros(0)
@@ -158,7 +159,8 @@ class Scene:
             found += [f"{late}({each}, {delay_s:.4g})" for late in LATE for delay_s in sooner_s]
         for each in plain:
             row = self._logged[each]
-            if not each.endswith((*WARMING, "_A")) and len(np.unique(row)) > _LEVELS:
+            works = each.endswith((*WARMING, "_A")) or not WORK.isdisjoint(words_in(each))
+            if not works and len(np.unique(row)) > _LEVELS:
                 found += [f"{each} > {level:.3g}" for level in np.quantile(row, (0.2, 0.4, 0.6, 0.8))]
         return self._usable(found)
 

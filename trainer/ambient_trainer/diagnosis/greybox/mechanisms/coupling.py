@@ -12,10 +12,10 @@ from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.expression import Expression, words_in
 from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.mechanisms.exponent import Exponent
-from ambient_trainer.diagnosis.greybox.mechanisms.heat import WORK, moves_air
+from ambient_trainer.diagnosis.greybox.mechanisms.heat import moves_air
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.scene import HUMIDITY, Scene, is_flow
+from ambient_trainer.diagnosis.greybox.scene import HUMIDITY, WORK, Scene, is_flow
 from ambient_trainer.diagnosis.record import Record
 
 _LEAST = 0.03

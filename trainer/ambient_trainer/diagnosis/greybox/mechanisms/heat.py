@@ -12,7 +12,7 @@ from ambient_trainer.diagnosis.greybox.expression import Expression, words_in
 from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.scene import HEATERS, HUMIDITY, PRESSURES, THERMOELECTRIC, Scene
+from ambient_trainer.diagnosis.greybox.scene import HUMIDITY, PRESSURES, THERMOELECTRIC, WORK, Scene
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.words import share
 
@@ -22,8 +22,6 @@ _LEAST_PER_K, _MOST_PER_K = -0.008, 0.2
 _SPEED, _MOVES_AIR = "_m_s", {"fan", "fans", "blower", "wind", "gust", "vent", "damper"}
 """Of air, which heats nothing, and words in the name of what moves it: of eleven measured sets with such a column it
 heated in none, and in four it went along with what did."""
-WORK = {*HEATERS, "load", "cpu", "gpu", "usage", "duty", "pwm"}
-"""Words in the name of what heats by what it does, in whatever unit."""
 _STATES = {*HUMIDITY, "moisture", "pressure"}
 """Words in the name of a state: a level of one heats nothing, though the rate of a pressure does. What hangs on a
 balloon seemed to be heated by the thin air."""
