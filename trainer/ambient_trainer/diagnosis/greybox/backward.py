@@ -67,7 +67,8 @@ def steps_to(bare: Fitted, fitted: Fitted, tried: int) -> list[Step]:
 
 def _at_its_nodes(model: GreyBox, index: int) -> GreyBox:
     """The model without a mechanism; what acts on its bodies acts on the nodes before them."""
-    nodes = {f"{place}_mass": place for place in model.mechanisms[index].places}
+    gone = model.mechanisms[index]
+    nodes = {f"{place}_mass": place for place in gone.places if gone.adds_nodes}
     moved = (replace(each, places=tuple(nodes.get(at, at) for at in each.places)) for each in model.mechanisms)
     return replace(model, mechanisms=tuple(moved)).without(index)
 
