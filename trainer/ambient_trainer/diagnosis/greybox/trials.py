@@ -232,7 +232,7 @@ def _promise(trial: Trial) -> float:
 
 
 def complexity(mechanism: Mechanism) -> float:
-    """How much a mechanism assumes: its numbers, its driver's parts, and whether it blames an instrument."""
+    """How much a mechanism assumes: its numbers, its driver's parts, and what it takes for granted besides."""
     text = "" if mechanism.driver is None else mechanism.driver.text
     driver = (
         0.5 * bool(text)
