@@ -4,16 +4,18 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.forward import forward
-from ambient_trainer.diagnosis.greybox.backward import eliminated
+from ambient_trainer.diagnosis.greybox.backward import eliminated, steps_to
 from ambient_trainer.diagnosis.greybox.choice import Limits, Step
 from ambient_trainer.diagnosis.greybox.mechanisms import mass, path
 from ambient_trainer.diagnosis.greybox.mechanisms.latent import Latent
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
+from ambient_trainer.diagnosis.greybox.regression import fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import lasting_candidates
 from ambient_trainer.diagnosis.greybox.stepwise import Selection, bare_fit, continued
@@ -128,6 +130,18 @@ def test_only_a_body_carries_what_acts_on_it(circuit, simulated, recorded):
     behind = scene.fitted.model.with_mechanism(next(mass.candidates(scene)))
     second = replace(heat("sun_W_m2", 0.1), places=("board_mass",))
     assert behind.with_mechanism(second).carries(0)
+
+
+@pytest.mark.parametrize(("second", "heated"), [("board", "board_mass_2"), ("board_mass", "board_mass_mass")])
+def test_a_body_goes_with_what_acts_behind_it_or_beside_it(circuit, simulated, recorded, second, heated):
+    """Heat in another body has no place where the first is left out."""
+    bare = bare_fit(GreyBox.of(circuit), recorded(simulated(4)))
+    body = next(mass.candidates(Scene(bare)))
+    model = bare.model.with_mechanism(body).with_mechanism(replace(body, places=(second,)))
+    model = model.with_mechanism(replace(heat("sun_W_m2", 0.1), places=(heated,)))
+    steps = steps_to(bare, fit(model, bare.records, most=2, prior=bare.prior), 1)
+    assert {each.chosen.mechanism.key for each in steps} == {each.key for each in model.mechanisms}
+    assert any(each.before.model == bare.model for each in steps)
 
 
 def test_nothing_acts_on_what_melts(circuit, simulated, recorded):

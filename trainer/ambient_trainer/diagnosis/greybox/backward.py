@@ -56,8 +56,8 @@ def steps_to(bare: Fitted, fitted: Fitted, tried: int) -> list[Step]:
     steps = []
     for index, mechanism in list(enumerate(fitted.model.mechanisms))[len(bare.model.mechanisms) :]:
         without, after = _at_its_nodes(fitted.model, index), fitted
-        before = _fit(without, fitted, _FEW) or bare
-        if not fitted.model.carries(index):
+        before = (without and _fit(without, fitted, _FEW)) or bare
+        if without and not fitted.model.carries(index):
             after = _fit(without.with_mechanism(mechanism), fitted, _FEW) or fitted
         before = before.refitted()
         trial = replace(Trial.of(before, after.refitted()), mechanism=mechanism)
@@ -65,10 +65,14 @@ def steps_to(bare: Fitted, fitted: Fitted, tried: int) -> list[Step]:
     return sorted(steps, key=lambda each: -each.before.held_out_rmse_degC)
 
 
-def _at_its_nodes(model: GreyBox, index: int) -> GreyBox:
-    """The model without a mechanism; what acts on its bodies acts on the nodes before them."""
+def _at_its_nodes(model: GreyBox, index: int) -> GreyBox | None:
+    """The model without a mechanism; what acts on its bodies acts on the nodes before them. None where something acts
+    on bodies behind those, or beside them."""
     gone = model.mechanisms[index]
     nodes = {f"{place}_mass": place for place in gone.places if gone.adds_nodes}
+    known = {*nodes, *(node.name for node in model.circuit.states)}
+    if not all(known.issuperset(each.places) for each in model.carried(index)):
+        return None
     moved = (replace(each, places=tuple(nodes.get(at, at) for at in each.places)) for each in model.mechanisms)
     return replace(model, mechanisms=tuple(moved)).without(index)
 
