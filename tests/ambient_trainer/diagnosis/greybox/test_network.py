@@ -13,7 +13,7 @@ from ambient_trainer.circuits.write import write_circuit
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.greybox import mechanisms, regression
 from ambient_trainer.diagnosis.greybox.expression import Expression
-from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of, kinds
+from ambient_trainer.diagnosis.greybox.file import addition_of, extended_circuit, greybox_of, kinds
 from ambient_trainer.diagnosis.greybox.mechanisms.contact import Contact
 from ambient_trainer.diagnosis.greybox.mechanisms.coupling import Coupling, ZoneLoss
 from ambient_trainer.diagnosis.greybox.mechanisms.exponent import ChangedExponent, Exponent
@@ -74,6 +74,13 @@ def test_a_circuit_written_and_read_again_simulates_the_same(circuit, simulated,
     assert np.abs(one.simulate(start) - other.simulate(start)).max() < 1e-9
     bare = GreyBox.of(circuit)
     assert np.abs(one.simulate(start) - bare.network(given, bare.z()[None]).simulate(start[:, :1])).max() > 0.01
+
+
+@pytest.mark.parametrize("name", [each for each, held in MECHANISMS.items() if held.places and each != "Path"])
+def test_a_place_that_the_circuit_lacks_is_refused(circuit, name):
+    lost = addition_of(replace(MECHANISMS[name], places=("kitchen",)))
+    with pytest.raises(Refused, match=f"{name} cannot act"):
+        greybox_of(replace(circuit, mechanisms=(lost,)))
 
 
 @pytest.mark.parametrize("name", ["HiddenMass", "ZoneLoss"])

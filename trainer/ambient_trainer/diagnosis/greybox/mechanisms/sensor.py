@@ -96,7 +96,7 @@ class _OfReference(InProportion):
     instrument = of_reference = True
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
-        air = network.boundary(AMBIENT)
+        air = network.boundary(*(self.places or (AMBIENT,)))
         logged = network.boundary_degC[air]
         apart = np.array([self.ambient(logged, each / record.period_s) for each in values[:, 0]]) - logged
         network.flows.append((np.arange(len(network.nodes)), network.loss[:, :, air, None] * apart[:, None]))
@@ -193,6 +193,5 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
     limit = scene.duration_s / 12
     if scene.ambient_varies:
         yield Clock((), (Number("clock", "s", 0.0, scale=scene.period_s / 2, low=-limit, high=limit),))
-        yield ReferenceLag(
-            (AMBIENT,), (Number("lag_ambient", "s", 0.0, scale=scene.period_s, low=0.0, high=3 * limit),)
-        )
+        lag = Number("lag_ambient", "s", 0.0, scale=scene.period_s, low=0.0, high=3 * limit)
+        yield ReferenceLag((AMBIENT,), (lag,))
