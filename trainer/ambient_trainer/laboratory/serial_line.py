@@ -101,7 +101,7 @@ class _SerialPort:
         # two instruments on one port would read each other's answers
         options = {"timeout": 0, "write_timeout": patience_s, "xonxoff": xonxoff, "exclusive": True}
         self._port = port = serial.serial_for_url(name, baud, **options)
-        self.write = port.write
+        self.write, self._xonxoff = port.write, xonxoff
         if xonxoff and "://" not in name:  # an XOFF that nobody took back stays with the port: stop it, and let it go
             port.set_output_flow_control(False)
             port.set_output_flow_control(True)
@@ -115,8 +115,9 @@ class _SerialPort:
         """What is under way is read instead."""
 
     def close(self) -> None:
-        with contextlib.suppress(Exception):
-            self._port.reset_output_buffer()  # else closing waits for an instrument that sent XOFF
+        if self._xonxoff:  # else closing waits for an instrument that sent XOFF; any other gets all that was sent
+            with contextlib.suppress(Exception):
+                self._port.reset_output_buffer()
         self._port.close()
 
 

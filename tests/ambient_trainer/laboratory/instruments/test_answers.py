@@ -1,8 +1,10 @@
 """What comes instead of an answer is an error that names instrument, port and what was expected; never a reading."""
 
 import os
+import select
 import threading
 import time
+import tty
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -145,3 +147,19 @@ def test_an_instrument_that_stops_the_sender_does_not_hold_up_for_ever(bench):
     bench.clock.sleep(2.0)
     assert "XOFF" in bench.failure(NoResponse).got
     recovered(bench)
+
+
+def test_a_port_that_is_closed_after_a_command_sends_it_to_the_end(driver_at):
+    for _ in range(8):  # once, the race may be won
+        far, near = os.openpty()
+        tty.setraw(near)
+        driver = driver_at("chamber", os.ttyname(near), timeout_s=0.1)
+        with pytest.raises(NoResponse):
+            driver.stop()
+        driver.close()
+        got = b""
+        while b"$00E 0020.0" not in got and select.select([far], [], [], 0.5)[0]:
+            got += os.read(far, 4096)
+        assert b"$00E 0020.0" in got
+        os.close(far)
+        os.close(near)
