@@ -4,19 +4,7 @@ import pytest
 from hypothesis import strategies as st
 
 from ambient_model.conformance import conformance_of
-from ambient_model.model import (
-    REGRESSORS,
-    Beyond,
-    Discrete,
-    ErrorVariance,
-    Estimator,
-    Input,
-    Matrix,
-    Model,
-    Quantiles,
-    Secondary,
-    Term,
-)
+from ambient_model.model import REGRESSORS, Beyond, Discrete, ErrorVariance, Estimator, Input, Model, Secondary, Term
 from documents import anything
 
 PERIODS_S = (0.1, 0.25, 1.0, 2.5, 10.0)
@@ -26,17 +14,16 @@ texts = st.text(printable, min_size=1, max_size=12)
 coefficients = st.floats(-10, 10)
 
 
-def matrices(rows: int, columns: int) -> st.SearchStrategy[Matrix]:
+def matrices(rows: int, columns: int) -> st.SearchStrategy[tuple[tuple[float, ...], ...]]:
     row = st.tuples(*[coefficients] * columns)
     return st.tuples(*[row] * rows)
 
 
 @st.composite
-def contractions(draw: st.DrawFn, states: int) -> Matrix:
+def contractions(draw: st.DrawFn, states: int) -> tuple[tuple[float, ...], ...]:
     """A whose row sums stay below 1, so that it is stable whatever its signs."""
     raw = draw(matrices(states, states))
-    largest = draw(st.floats(0, 0.999))
-    scale = largest / max([1e-3, *(sum(map(abs, row)) for row in raw)])
+    scale = draw(st.floats(0, 0.999)) / max([1e-3, *(sum(map(abs, row)) for row in raw)])
     return tuple(tuple(value * scale for value in row) for row in raw)
 
 
@@ -48,7 +35,7 @@ def inputs(draw: st.DrawFn) -> tuple[Input, ...]:
 
 
 @st.composite
-def quantiles(draw: st.DrawFn) -> Quantiles:
+def quantiles(draw: st.DrawFn) -> dict[int, tuple[float, float]]:
     ends = sorted(draw(st.tuples(*[st.floats(-9, 9)] * 6)))
     return {50: (ends[2], ends[3]), 90: (ends[1], ends[4]), 98: (ends[0], ends[5])}
 

@@ -2,13 +2,8 @@ import math
 
 import pytest
 
-from ambient_model.conformance import (
-    TOLERANCE,
-    conformance_of,
-    run_recursion,
-    worst_contradictions,
-    worst_difference_degC,
-)
+from ambient_model import conformance
+from ambient_model.conformance import conformance_of, run_recursion, worst_contradictions, worst_difference_degC
 from ambient_model.model import Conformance, Discrete, Estimator, Input, Model
 
 BANDS = {50: (-0.1, 0.1), 90: (-0.5, 0.5), 98: (-1.0, 1.0)}
@@ -75,7 +70,7 @@ def test_a_perturbed_coefficient_of_a_fallback_is_seen(index: int, name: str, ro
     matrix = [list(values) for values in getattr(FINE[index], name)]
     matrix[row][column] += 1e-7
     wrong = FINE[index]._replace(**{name: tuple(map(tuple, matrix))})
-    assert worst_contradictions(with_fallback(*FINE[:index], wrong, *FINE[index + 1 :]))["cpu"] > TOLERANCE
+    assert worst_contradictions(with_fallback(*FINE[:index], wrong, *FINE[index + 1 :]))["cpu"] > conformance.TOLERANCE
 
 
 @pytest.mark.parametrize(

@@ -7,16 +7,7 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from ambient_model.model import (
-    LEVELS_PERCENT,
-    Conformance,
-    Discrete,
-    Estimator,
-    Input,
-    Model,
-    ReadingModel,
-    SensorLimits,
-)
+from ambient_model.model import Conformance, Discrete, Estimator, Input, Model, ReadingModel, SensorLimits
 from ambientd.fallback import FallbackTracker
 
 SAMPLES = 200
@@ -65,7 +56,7 @@ def both(model: Model, period_s: float, level: int) -> tuple[FallbackTracker, Fa
 
 
 @pytest.mark.parametrize("validated", [False, True])
-@given(st.from_type(Model), st.integers(0, 2**32), st.sampled_from(LEVELS_PERCENT), st.sampled_from([0.0, 0.01, 0.1]))
+@given(st.from_type(Model), st.integers(0, 2**32), st.sampled_from(list(QUANTILES)), st.sampled_from([0.0, 0.01, 0.1]))
 @settings(max_examples=60, phases=(Phase.explicit, Phase.generate))
 def test_it_is_to_the_last_bit_what_the_loops_do(validated, model, seed, level, trouble):
     if validated:

@@ -5,17 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ambient_model import tracking
 from ambient_model.model import Discrete, Estimator, Input
-from ambient_model.tracking import (
-    COASTING,
-    FAULTED,
-    TRACKING,
-    WARMING_UP,
-    Estimate,
-    Tracker,
-    bridge_limit_s,
-    nearest_discrete,
-)
+from ambient_model.tracking import COASTING, FAULTED, TRACKING, WARMING_UP, Estimate, Tracker
 
 BANDS = {50: (-0.25, 0.25), 90: (-0.5, 0.75), 98: (-1.0, 1.25)}
 
@@ -96,7 +88,7 @@ def test_after_any_holes_the_state_is_that_of_the_lines_through_what_was_read(da
     ("period_s", "limit_steps"), [(0.01, 3000), (0.1, 300), (1.0, 30), (2.5, 12), (3.0, 10), (10.0, 10), (60.0, 10)]
 )
 def test_beyond_the_limit_nothing_is_trusted_until_it_starts_again(period_s: float, limit_steps: int) -> None:
-    assert bridge_limit_s(period_s) == pytest.approx(limit_steps * period_s)
+    assert tracking.bridge_limit_s(period_s) == pytest.approx(limit_steps * period_s)
     tracker = tracker_of(random_estimator(period_s))
     tracker.update(0.0, (20.0, 21.0, 22.0))
     missing = (20.0, None, 22.0)
@@ -144,7 +136,7 @@ THREE, TWO = (0.1, 1.0, 10.0), (1.0, 10.0)
 def test_the_period_nearest_to_the_sampling(periods_s: tuple[float, ...], asked_s: float, chosen_s: float) -> None:
     [one] = ESTIMATOR.discrete
     several = ESTIMATOR._replace(discrete=tuple(one._replace(period_s=period_s) for period_s in periods_s))
-    assert nearest_discrete(several, asked_s).period_s == chosen_s
+    assert tracking.nearest_discrete(several, asked_s).period_s == chosen_s
 
 
 HERE, LOST, GONE = (20.0, 30.0), (20.0, None), (None, None)

@@ -56,8 +56,7 @@ def observer(model: Model) -> Observer:
 
 def readings_at(k: int) -> list[float]:
     """All near one temperature that rises slowly, each with noise of a tenth."""
-    random = np.random.default_rng(k)
-    return np.round(25 + k / 400 + random.normal(size=4) * 0.05, 1).tolist()
+    return np.round(25 + k / 400 + np.random.default_rng(k).normal(size=4) * 0.05, 1).tolist()
 
 
 def fed(observer: Observer, count: int, change=lambda k, u: u, start: int = 0):
@@ -94,8 +93,7 @@ def test_a_wrong_key_is_refused_by_its_place(model: Model, wrong: str, value: ob
 def test_what_replaces_missing_readings_is_their_conditional_mean(model: Model, away: tuple[int, ...]) -> None:
     validation = Validation(model.readings, model.main, 1.0)
     u = np.array([24.0, 25.5, 25.0, 26.0])
-    given = [None if i in away else float(value) for i, value in enumerate(u)]
-    used = validation.update(0.0, given)
+    used = validation.update(0.0, [None if i in away else float(value) for i, value in enumerate(u)])
     # at the start the low-pass filters have the readings' values
     kept = [i for i in range(8) if i % 4 not in away]
     gone = [i for i in range(8) if i % 4 in away]
@@ -107,8 +105,7 @@ def test_what_replaces_missing_readings_is_their_conditional_mean(model: Model, 
         S[np.ix_(kept, kept)], S[np.ix_(kept, gone)]
     )
     first = len(away)
-    least = 0.25**2 * conditional[:first, :first].sum()
-    assert validation.variance_degC2 >= 0.9 * least
+    assert validation.variance_degC2 >= 0.9 * 0.25**2 * conditional[:first, :first].sum()
     assert validation.is_degraded
 
 
@@ -281,8 +278,7 @@ def test_the_output_stays_within_its_bounds(model: Model) -> None:
     found = fed(observer_of(model, output=(0.0, 25.2), rate_K_per_s=0.001), 600)
     assert max(each.ambient_degC for each in found) <= 25.2
     assert found[-1].status == "degraded"
-    steps = np.abs(np.diff([each.ambient_degC for each in found]))
-    assert steps.max() <= 0.001 + 1e-12
+    assert np.abs(np.diff([each.ambient_degC for each in found])).max() <= 0.001 + 1e-12
 
 
 def test_a_snapshot_continues_alike(model: Model, observer: Observer) -> None:

@@ -38,8 +38,7 @@ def test_it_prints_the_model_and_reads_its_sensors(check, make_model, saved, pho
     assert refused == ""
     zones = f"{phone.root}/class/thermal/thermal_zone"
     estimator = ("model", "input", "input", "states", "periods", "interval", "fallbacks")
-    subjects = [*estimator, "conformance", "", "sensor", "sensor"]
-    assert [subject for subject, _ in printed] == subjects
+    assert [subject for subject, _ in printed] == [*estimator, "conformance", "", "sensor", "sensor"]
     text = [text for _, text in printed]
     assert text[1:5] == [
         "usb_degC, -20 to 90, zone usb-therm",

@@ -41,5 +41,4 @@ def test_help_is_there(ambientd, command):
 
 
 def test_a_reader_that_has_enough_leaves_no_traceback(model_file):
-    command = f"{sys.executable} -m ambientd check --model {model_file} | true"
-    assert ran("/bin/sh", "-c", command).stderr == ""
+    assert ran("/bin/sh", "-c", f"{sys.executable} -m ambientd check --model {model_file} | true").stderr == ""

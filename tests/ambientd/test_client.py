@@ -19,8 +19,7 @@ from documents import anything
 
 
 def line(time_s=12.5, status="tracking", ambient_degC=23.4, **changes):
-    around = isinstance(ambient_degC, float)
-    low, high = (ambient_degC - 0.5, ambient_degC + 0.75) if around else (None, None)
+    low, high = (ambient_degC - 0.5, ambient_degC + 0.75) if isinstance(ambient_degC, float) else (None, None)
     said = {
         "time_s": time_s,
         "model": "bench",
@@ -235,8 +234,7 @@ def test_whatever_comes_is_taken_in_whole_lines(chunks, tmp_path_factory):
         while not follower.problem or follower._waiting:
             reading = follower.wait(0)
             heard += [] if reading is None else [reading]
-    lines = b"".join(chunks).split(b"\n")[:-1]
-    assert len(heard) + follower.skipped == len(lines)
+    assert len(heard) + follower.skipped == len(b"".join(chunks).split(b"\n")[:-1])
     assert all(isinstance(each, Reading) for each in heard)
 
 

@@ -72,8 +72,7 @@ def test_a_lost_input_takes_the_fallback_over_from_the_blended_estimate(make_mod
     assert lost[0].ambient_degC == pytest.approx(guarded.ambient_degC, abs=1e-9)
     # the fallback's own -2 to 2 around 20 and around what was said last: no spread
     assert (lost[0].low_degC, lost[0].high_degC) == pytest.approx((18.0, 25.0))
-    back = feed(tracker, [heated], start=208)[0]
-    assert back.ambient_degC == pytest.approx(lost[-1].ambient_degC, abs=1e-9)
+    assert feed(tracker, [heated], start=208)[0].ambient_degC == pytest.approx(lost[-1].ambient_degC, abs=1e-9)
 
 
 def test_a_fallback_that_has_not_settled_is_not_waited_with(tracker):
@@ -114,7 +113,6 @@ def test_a_fallback_that_nobody_asked_has_missed_nothing(make_model, count):
 
 ALL, NO_USB, NO_BATTERY, NONE = (30.0, 25.0), (None, 25.0), (30.0, None), (None, None)
 NO_TICK = ()
-SETTLED = [ALL] * 200
 
 
 @pytest.mark.parametrize(
@@ -142,6 +140,6 @@ SETTLED = [ALL] * 200
 )
 def test_the_status_table(make_model, fallbacks, coast_s, then, said):
     tracker = FallbackTracker(make_model(fallbacks=fallbacks), 1.0, coast_s=coast_s)
-    estimates = [tracker.update(float(k), values) for k, values in enumerate(SETTLED + then) if values]
+    estimates = [tracker.update(float(k), values) for k, values in enumerate([ALL] * 200 + then) if values]
     assert [each.status for each in estimates[200:]] == said
     assert all([(each.ambient_degC is None) == (each.status == "faulted") for each in estimates])

@@ -52,8 +52,7 @@ def test_neither_memory_nor_descriptors_grow(make_model, saved, long_trace, memo
     kinds = ("file", "file-in-place", "status", "socket")
     outputs = ["stdout", *(f"{kind}:{memory}/{kind}" for kind in kinds), f"prometheus:{memory}/a.prom"]
     command += ["--speed", "0", *(word for output in outputs for word in ("--publish", output))]
-    reader = threading.Thread(target=read_all, args=(f"{memory}/socket",), daemon=True)
-    reader.start()
+    threading.Thread(target=read_all, args=(f"{memory}/socket",), daemon=True).start()
     found = []
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
         lines = process.stdout

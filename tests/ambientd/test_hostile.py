@@ -43,8 +43,7 @@ def limited():
 
 
 def ambientd(*arguments):
-    words = [sys.executable, "-m", "ambientd", *arguments]
-    return ran(*words, status=None, timeout=120, preexec_fn=limited)
+    return ran(sys.executable, "-m", "ambientd", *arguments, status=None, timeout=120, preexec_fn=limited)
 
 
 def refusal(*arguments):
@@ -142,8 +141,7 @@ def test_what_has_no_end_is_no_model_configuration_or_state(kind, model_file, ma
         assert said.startswith(f"ambientd: {path}: "), "no regular file, a folder, or too large"
         assert len(said.splitlines()) == 1
     notes = []
-    model = make_model()
-    StateFile(StateSpec(str(path)), "", notes.append).take_back(FallbackTracker(model, 1.0), 0.0)
+    StateFile(StateSpec(str(path)), "", notes.append).take_back(FallbackTracker(make_model(), 1.0), 0.0)
     assert len(notes) == 1
     assert notes[0].startswith(f"state {path}: ")
 

@@ -238,8 +238,7 @@ def test_a_daemon_is_told_and_remembers_it_over_its_end(start, until, ended, amb
     path = config(**LEARNS)
     daemon = start("run", "--config", path)
     until(lambda: status().get("status") == TRACKING)
-    done = ambientd("tell", "23.5", "--sigma", "0.5", "--config", path)
-    assert done.stderr == ""
+    assert ambientd("tell", "23.5", "--sigma", "0.5", "--config", path).stderr == ""
     offset = status()["offset_degC"]
     assert 0.1 < offset < 0.4
     assert status()["last_reference"]["degC"] == 23.5

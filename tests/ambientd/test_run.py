@@ -76,14 +76,12 @@ def test_a_full_pipe_on_stdout_delays_nothing(start, model_file, write_trace):
 def test_a_rate_paces_a_replay_by_rows(start, ended, model_file, write_trace):
     """What lies between the rows in the trace is not waited for."""
     trace = write_trace([(k * 25.0, 30.0, 25.0) for k in range(5)])
-    daemon = start("run", "--model", model_file, "--replay", trace, "--rate", "20")
-    out, _ = daemon.communicate(timeout=15)
+    out, _ = start("run", "--model", model_file, "--replay", trace, "--rate", "20").communicate(timeout=15)
     assert [json.loads(line)["time_s"] for line in out.splitlines()] == [0.0, 25.0, 50.0, 75.0, 100.0]
 
 
 def test_a_trace_with_a_fault_ends_with_1_and_leaves_nothing_behind(ambientd, model_file, write_trace, tmp_path):
-    rows = [(float(k), 30.0, 25.0) for k in range(300)]
-    trace = write_trace([*rows, (1.0, 30.0, 25.0)])
+    trace = write_trace([*((float(k), 30.0, 25.0) for k in range(300)), (1.0, 30.0, 25.0)])
     done = ambientd(
         *("run", "--model", model_file, "--replay", trace, "--speed", "0"),
         *("--publish", f"file:{tmp_path}/temp", "--publish", f"socket:{tmp_path}/s"),

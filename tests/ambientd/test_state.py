@@ -153,8 +153,7 @@ def test_a_state_of_any_numbers_makes_finite_estimates(make_model, x, u, start_s
     voices = (Snapshot(1.0, start_s, step, tuple(x), tuple(u)), None, None)
     tracker.restore(decode(encode(State("m", "b", 99.0, FallbackState(voices, 0, difference, said, 98.0)))).tracker)
     for time_s, values in [*rows(3, 99), (102.0, (None, None)), (140.0, (None, 25.0))]:
-        estimate = tracker.update(time_s, values)
-        assert all(value is None or math.isfinite(value) for value in estimate[:3])
+        assert all(value is None or math.isfinite(value) for value in tracker.update(time_s, values)[:3])
 
 
 @pytest.fixture

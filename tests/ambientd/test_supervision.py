@@ -113,8 +113,7 @@ NOT_STUCK = {
 
 @pytest.mark.parametrize(("rules", "readings"), NOT_STUCK.values(), ids=NOT_STUCK)
 def test_a_quiet_device_is_not_stuck_and_what_is_not_believed_is_no_witness(rules, readings):
-    inputs = [USB, BATTERY, SOC][: len(readings(0))]
-    assert 1 not in doubted(inputs, rules, each_second(5000, readings))
+    assert 1 not in doubted([USB, BATTERY, SOC][: len(readings(0))], rules, each_second(5000, readings))
 
 
 def test_the_dead_zone_of_a_real_phone_is_set_aside_and_no_other(beside):

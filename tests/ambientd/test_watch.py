@@ -46,8 +46,7 @@ def test_it_says_once_when_nothing_comes_and_when_it_is_back(start, ended, daemo
     watcher = start("watch", path, "--stale-after", "0.5")
     watcher.stdout.readline()
     os.kill(stopped.pid, signal.SIGSTOP)
-    said = watcher.stderr.readline()
-    assert said == f"ambientd: {path}: nothing has come for 0.5 s; the last reading is stale\n"
+    assert watcher.stderr.readline() == f"ambientd: {path}: nothing has come for 0.5 s; the last reading is stale\n"
     os.kill(stopped.pid, signal.SIGCONT)
     assert watcher.stderr.readline() == f"ambientd: {path}: it is back\n"
     assert ended(watcher, signal.SIGINT)[::2] == (0, "")
@@ -62,8 +61,7 @@ def test_it_ends_with_1_where_no_one_listens(ambientd, path):
 
 def test_a_reader_of_it_that_has_enough_ends_it(daemon, path):
     daemon()
-    command = f"{sys.executable} -m ambientd watch {path} | head -n 2"
-    done = ran("/bin/sh", "-c", command)
+    done = ran("/bin/sh", "-c", f"{sys.executable} -m ambientd watch {path} | head -n 2")
     assert (len(done.stdout.splitlines()), done.stderr) == (2, "")
 
 

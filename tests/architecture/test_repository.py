@@ -13,8 +13,7 @@ REGISTRIES = [
 
 
 def test_the_top_level_holds_the_house_and_nothing_else(tracked: list[Path]) -> None:
-    strangers = {path.parts[0] for path in tracked if not path.parts[0].startswith(".")} - TOP_LEVEL
-    assert strangers == set()
+    assert {path.parts[0] for path in tracked if not path.parts[0].startswith(".")} - TOP_LEVEL == set()
 
 
 def test_every_module_opens_with_the_rule_it_owns(sources) -> None:

@@ -45,8 +45,7 @@ def test_lateness(benchmark, tmp_path, noted, slow, others) -> None:
     loaded = load_campaign(_campaign(tmp_path), ports=False)
 
     def run() -> list[Sample]:
-        clock = Clock()
-        with simulated_laboratory(loaded, clock) as there:
+        with simulated_laboratory(loaded, Clock()) as there:
             job = Job(there.loaded, str(tmp_path / "trace.csv"), 1.0, True, there.environment)
             late = [getattr(there, slow)] * 200 if slow != "none" else []
 

@@ -169,8 +169,7 @@ def test_a_device_s_hour(rate_hz, subjects, living_zones, memory, benchmark, not
         with contextlib.ExitStack() as stack:
             processes = []
             for index, command in enumerate(subjects.values()):
-                target = str(memory / f"out{index}")
-                processes.append(stack.enter_context(_running(command(rate_hz, target))))
+                processes.append(stack.enter_context(_running(command(rate_hz, str(memory / f"out{index}")))))
                 time.sleep(1.237 / rate_hz)  # not all at the same moment
             time.sleep(SETTLED_S)
             return _ticks_s(processes, rate_hz, MEASURED_S[rate_hz]), [resident_kB(each.pid) for each in processes]
@@ -197,8 +196,7 @@ def test_the_first_estimate(name, subjects, living_zones, memory, benchmark, not
     benchmark.pedantic(
         lambda: found.append(_first_value_s(subjects[name](1.0, str(target)), target)), rounds=STARTS, iterations=1
     )
-    worst = f"of {STARTS}, worst {max(found):.3f} s"
-    noted("start to first value", name, float(np.median(found)), worst)
+    noted("start to first value", name, float(np.median(found)), f"of {STARTS}, worst {max(found):.3f} s")
 
 
 def _ticks_until(target: Path, end_s: float) -> int:
@@ -229,8 +227,7 @@ def _instructions(command: list[str], target: Path) -> float:
     """A tick's instructions outside the kernel, of all threads."""
     found = target.with_suffix(".callgrind")
     target.unlink(missing_ok=True)
-    words = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={found}", *command]
-    with _running(words) as process:
+    with _running(["valgrind", "--tool=callgrind", f"--callgrind-out-file={found}", *command]) as process:
         wait_until(target.exists, "nothing is published", 60.0)
         time.sleep(SETTLED_S)
         control = ["callgrind_control", "--zero", str(process.pid)]

@@ -82,8 +82,7 @@ def test_the_driver_s_memory(many_hours, benchmark, noted):
 @pytest.mark.parametrize("seed", [41, 42, 43])
 def test_causes_named(seed, benchmark, noted):
     """Ten planted units and five others beside forty typical ones."""
-    plan = FleetPlan("5", 55, seed=seed, period_s=10.0, minutes=180.0, cased=0.0, hide=PLANTED)
-    units = list(fleet(plan))
+    units = list(fleet(FleetPlan("5", 55, seed=seed, period_s=10.0, minutes=180.0, cased=0.0, hide=PLANTED)))
     odd = [each for each in units if each.truth["hidden"]]
     plain = [each for each in units if not each.truth["hidden"]]
     learnt = learn(load_circuit("phone"), [each.trace for each in plain[5:]])

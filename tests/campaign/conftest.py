@@ -141,8 +141,7 @@ class Zones:
     def unplug(self, kind: str) -> None:
         """As a driver that is unbound: the folder goes, and whoever has the file open reads ENODEV from now on."""
         self.fail(kind, "ENODEV")
-        folder = self.find(kind)
-        folder.rename(self.root / f"gone-{kind}-{time.monotonic_ns()}")
+        self.find(kind).rename(self.root / f"gone-{kind}-{time.monotonic_ns()}")
 
 
 @pytest.fixture

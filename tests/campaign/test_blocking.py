@@ -49,8 +49,7 @@ def test_ticks_that_slow_sensors_do_not_leave_time_for_are_reported_and_counted(
     outputs = Outputs(tmp_path / "out")
     for kind in ("usb-therm", "battery", "cpu-0-0"):
         zones.fail(kind, block_s=0.2)
-    run = ["run", "--config", config(outputs, rate_hz=10)]
-    call = [sys.executable, "-c", PATIENT.format(30.0), *run]
+    call = [sys.executable, "-c", PATIENT.format(30.0), "run", "--config", config(outputs, rate_hz=10)]
     with subprocess.Popen(call, stderr=subprocess.PIPE, text=True, env={"LD_PRELOAD": str(device_library)}) as daemon:
         daemon.stderr.readline()
         line = daemon.stderr.readline()

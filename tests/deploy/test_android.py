@@ -61,8 +61,7 @@ def service():
     """The words of init's service line, and its options by their first word."""
     lines = (ANDROID / "ambientd.rc").read_text().splitlines()
     start = next(number for number, line in enumerate(lines) if line.startswith("service "))
-    options = [line.split(maxsplit=1) for line in lines[start + 1 :]]
-    return lines[start].split()[2:], dict(options)
+    return lines[start].split()[2:], dict(line.split(maxsplit=1) for line in lines[start + 1 :])
 
 
 def test_what_is_labelled_is_what_init_makes_and_starts():

@@ -43,8 +43,7 @@ def test_it_is_installed_started_upgraded_removed_and_purged(boot, program, at_r
         asked = ran(program("dpkg-query"), "-W", "-f", "${Status}", package, status=None)
         if not asked.stdout.startswith("install ok installed"):
             pytest.skip(f"{package}, which the package depends on, is not installed")
-    etc = tmp_path / "files/etc/ambientd"
-    at_rest(etc / "sys")
+    at_rest(tmp_path / "files/etc/ambientd/sys")
     shutil.copy(deb, tmp_path / "ambientd.deb")
     with boot(tmp_path) as machine:
         machine.run("dpkg", "-i", "/box/ambientd.deb")

@@ -78,6 +78,5 @@ def test_it_says_the_same_from_the_byte_code(build, tmp_path, zipapp, model_file
     build("build_zipapp.py", "-o", compiled, "--compiled")
     ask = "import sys; sys.path[:0] = sys.argv[1:]; import ambientd.cli as cli; print(cli.call.__doc__)"
     words = [sys.executable, "-I", "-S", "-c", ask, str(compiled)]
-    loaded = run(words).stdout
-    assert loaded == "None\n", "the sources have docstrings, the byte code has none"
+    assert run(words).stdout == "None\n", "the sources have docstrings, the byte code has none"
     assert checked(compiled, model_file) == checked(zipapp, model_file)

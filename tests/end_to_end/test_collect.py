@@ -24,8 +24,7 @@ def collected(*arguments, status=0):
 
 def test_a_dry_run_prints_the_schedule_and_the_length(call):
     _, printed, _ = call("ambient-trainer", "collect", "3", "--dry-run")
-    rows = [line.split() for line in printed.splitlines() if re.match(r" (before )?\d", line)]
-    assert rows == [
+    assert [line.split() for line in printed.splitlines() if re.match(r" (before )?\d", line)] == [
         # 20 to 50 degC at 2.2 K/min, and ten minutes of rest
         ["before", "1", "0:00:00", "0:23:38", "50", "0:13:38", "10", "min", "in", "2", "K", "-"],
         # down to -10 degC at 2.4 K/min

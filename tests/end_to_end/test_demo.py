@@ -21,8 +21,7 @@ def test_the_whole_path(process, tmp_path, as_documented):
     assert load_trace(str(out / "training.csv")).notes["simulated"] == "yes"
     model = load_model(str(out / "model.json"))
     assert [each["trace"] for each in model.provenance["training"]] == ["training.csv"]
-    page = (out / "report" / "index.html").read_text()
-    assert "verification.csv" in page
+    assert "verification.csv" in (out / "report" / "index.html").read_text()
     assert (out / "report" / "plotly.min.js").stat().st_size > 1e6
     figures = tmp_path / "figures.json"
     process("ambient_trainer", "evaluate", out / "model.json", out / "verification.csv", "--json", figures)

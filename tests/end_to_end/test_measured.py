@@ -8,8 +8,6 @@ import pytest
 
 from ambient_trainer.data.trace import load_trace
 
-CHANNELS = (102, 105, 110, 112)
-
 
 def import_chamber(process, log, folder, names):
     """The trace of the log's channels, called by ``names`` (channel to column stem), with 101 as the ambient."""
@@ -39,7 +37,8 @@ def rmse(reference, estimate):
 
 
 def test_the_daemon_is_within_0_75_degC_on_what_it_never_saw(command, chamber_log, tmp_path):
-    chamber = import_chamber(command, chamber_log, tmp_path, {channel: f"ch{channel}" for channel in CHANNELS})
+    names = {channel: f"ch{channel}" for channel in (102, 105, 110, 112)}
+    chamber = import_chamber(command, chamber_log, tmp_path, names)
     split_s = split_of(chamber)
     model = tmp_path / "model.json"
     command("ambient_trainer", "fit", chamber, "--circuit", "free-3", "--starts", 2, "--to", split_s, "-o", model)

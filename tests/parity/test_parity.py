@@ -99,8 +99,7 @@ def _by_structure(name, fit, u, period_s):
     structure = CircuitStructure(load_circuit(name), [Segment(period_s, u, np.zeros((1, u.shape[1])))])
     values = {each.name: each.value for each in fit.parameters}
     theta = np.array([np.log(values[each]) for each in structure.search.names])
-    beta = np.array([values[each] for each in structure.linear.names])
-    return structure.predicted(theta, beta, 0)[0]
+    return structure.predicted(theta, np.array([values[each] for each in structure.linear.names]), 0)[0]
 
 
 @pytest.mark.parametrize("period_s", PERIODS_S)
@@ -165,8 +164,7 @@ def test_secondary_estimator_and_error_variance(period_s, fits, second, guarded,
     command = [sys.executable, "-m", "ambientd", "replay", paths[0], paths[1], "-o", paths[2]]
     subprocess.run(command, check=True, capture_output=True)
     said = pd.read_csv(paths[2])
-    wanted = {"ambient_degC": y, "low_degC": y - 1.5 * sigma, "high_degC": y + 1.8 * sigma}
-    for name, values in wanted.items():
+    for name, values in {"ambient_degC": y, "low_degC": y - 1.5 * sigma, "high_degC": y + 1.8 * sigma}.items():
         assert np.abs(said[name] - values).max() < TOLERANCE_DEGC
     assert np.array_equal(said["status"] == "degraded", w > 0)
 
@@ -204,8 +202,7 @@ def _replaced(model, u, i):
             at_absence = np.concatenate([used[:, k], lows[:, 0]])
         elif k < first:
             z[i] = at_absence[i]
-            moved = -np.delete(P[i], i) @ np.delete(z - at_absence, i) / P[i, i]
-            used[i, k] = at_absence[i] + moved
+            used[i, k] = at_absence[i] - np.delete(P[i], i) @ np.delete(z - at_absence, i) / P[i, i]
         else:
             expected = mean[i] + weights @ (z - mean)[others]
             if k == first:

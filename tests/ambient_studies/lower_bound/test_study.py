@@ -24,8 +24,7 @@ def _run(seed, noise_degC=0.0, samples=3000):
     kept = np.exp(-PERIOD_S / 8000.0)  # a time constant of the bank's
     lows = b[0] + lfilter([0, 1 - kept], [1, -kept], b - b[0])
     ambient = 1.7 * a - 0.4 * b - 0.3 * lows + 4 + noise_degC * random.normal(size=samples)
-    columns = {"a_degC": a, "b_degC": b, "ambient_degC": ambient}
-    return Trace("run", np.arange(samples) * PERIOD_S, columns)
+    return Trace("run", np.arange(samples) * PERIOD_S, {"a_degC": a, "b_degC": b, "ambient_degC": ambient})
 
 
 @pytest.mark.parametrize("noise_degC", [0.0, 0.5])

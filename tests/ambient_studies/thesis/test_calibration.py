@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 
 from ambient_studies.thesis import calibration
-from ambient_studies.thesis.calibration import (
-    FORMULAS,
-    SCENARIOS,
-    calibrate,
-    formula_errors,
-    formulas,
-    record,
-    statistics,
-)
+from ambient_studies.thesis.calibration import FORMULAS, SCENARIOS, calibrate, formula_errors, statistics
 from ambient_studies.thesis.outcome import outcomes
 from ambient_studies.thesis.published import published_results, sensor_statistics
 from ambient_trainer.simulator import load_device, simulate
@@ -28,7 +20,7 @@ def test_the_published_formulas_give_the_published_errors_from_the_recovered_mea
     for scenario in ("1", "2.1", "2.3", "2.4"):
         sensors = np.array([0.0, *(sensor_statistics()[scenario, name].mean_degC for name in names)])
         for model in set(FORMULAS) - {"linear_combined"}:  # whose coefficients are rounded to what is 0.4 degC
-            gains, offset = formulas()[model]
+            gains, offset = calibration.formulas()[model]
             published = published_results()[scenario, model].mbe_degC
             assert 20 - gains @ sensors - offset == pytest.approx(published, abs=0.05)
 
@@ -44,7 +36,7 @@ def test_every_shipped_mean_and_standard_deviation_is_within_its_bar():
 
 
 def test_what_candidates_feel_is_the_trace_without_noise():
-    [shipped] = record([shipped_values()], 0)
+    [shipped] = calibration.record([shipped_values()], 0)
     found = statistics(shipped)["2.3", "battery"]
     values = simulate("2.3", seed=0).trace.column("battery_degC")
     assert values.mean() == pytest.approx(found.mean_degC, abs=0.02)

@@ -86,8 +86,7 @@ def test_a_unit_is_scored_as_by_hand(done, free_model):
         assert score.corrected_bias_degC == pytest.approx(left.mean(), abs=1e-6)
         assert score.scatter_degC == pytest.approx(error.std(ddof=1), rel=1e-9)
         low, high = free_model.main.interval[90]
-        inside = 100 * np.mean((low <= error) & (error <= high))
-        assert score.inside90_percent == pytest.approx(inside, abs=0.2)
+        assert score.inside90_percent == pytest.approx(100 * np.mean((low <= error) & (error <= high)), abs=0.2)
     assert [score.cased for score in scored.scores] == [False, True]
 
 

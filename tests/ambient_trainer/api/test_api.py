@@ -70,8 +70,7 @@ def test_a_file_its_frame_and_a_trace_give_the_same_model(tmp_path):
     for each in fits:
         assert each.parameters["value"].tolist() == fits[0].parameters["value"].tolist()
         assert each.model.provenance["training"] == fits[0].model.provenance["training"]
-    several = at.fit([path, frame], "linear_usb", effort=ONE)
-    assert several.fitted.samples == 2 * fits[0].fitted.samples
+    assert at.fit([path, frame], "linear_usb", effort=ONE).fitted.samples == 2 * fits[0].fitted.samples
 
 
 def test_a_frame_is_known_by_its_content(tmp_path):

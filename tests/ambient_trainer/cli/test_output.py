@@ -56,8 +56,7 @@ def test_a_report_may_be_written_over_or_made(here, report):
 
 
 def test_a_report_is_shown_and_written_where_asked(here, capsys):
-    report = Report("1.5 degC", [Finding("It [holds].")], [], {"rmse_degC": 1.5})
-    Output("out.json", "new").show(report)
+    Output("out.json", "new").show(Report("1.5 degC", [Finding("It [holds].")], [], {"rmse_degC": 1.5}))
     assert capsys.readouterr().out.splitlines()[:2] == ["1.5 degC", "It [holds]."]
     assert json.loads((here / "out.json").read_text()) == {"rmse_degC": 1.5}
     assert {each.name for each in (here / "new").iterdir()} == {"index.html", "plotly.min.js"}

@@ -29,8 +29,7 @@ def _message(path, map_path=None):
 
 
 def test_every_channel_comes_in_without_a_map(write):
-    path = write("a.csv", _export("Chan 101 (C)", "Chan 102 (F)", "Chan 203 (K)"))
-    trace = import_file(path).trace
+    trace = import_file(write("a.csv", _export("Chan 101 (C)", "Chan 102 (F)", "Chan 203 (K)"))).trace
     assert trace.time_s.tolist() == [0.0, 9.998]
     assert {name: values.tolist() for name, values in trace.columns.items()} == {
         "ch101_degC": [10.0, 20.0],
@@ -57,8 +56,7 @@ def test_lines_above_the_header_are_skipped_and_counted_and_without_one_it_is_an
 def test_a_voltage_is_refused_unless_left_out_or_explained(write):
     path = write("a.csv", _export("Chan 101 (C)", "Chan 102 (VDC)"))
     assert f"{path}: columns.ch102_degC: the channel is in VDC" in _message(path)
-    left_out = write("out.yaml", "columns: {a_degC: 101}")
-    assert list(import_file(path, left_out).trace.columns) == ["a_degC"]
+    assert list(import_file(path, write("out.yaml", "columns: {a_degC: 101}")).trace.columns) == ["a_degC"]
     shunt = write("shunt.yaml", "columns: {battery_current_A: {from: 102, scale: 100}}")
     assert import_file(path, shunt).trace.columns["battery_current_A"].tolist() == [1000.0, 2000.0]
     volts = write("volts.yaml", "columns: {battery_V: {from: 102, unit: mV}}")

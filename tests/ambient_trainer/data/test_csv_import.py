@@ -37,8 +37,7 @@ def _columns(path, columns, **layout):
     ],
 )
 def test_units_become_the_traces(write, name, unit, text, value):
-    path = write("a.csv", f"t,a\n0,{text}\n")
-    assert _columns(path, {name: {"from": "a", "unit": unit}}) == {name: [value]}
+    assert _columns(write("a.csv", f"t,a\n0,{text}\n"), {name: {"from": "a", "unit": unit}}) == {name: [value]}
 
 
 def test_values_are_scaled_averaged_over_those_that_read_and_missing_as_told(write):

@@ -16,8 +16,7 @@ def trace(name, time_s, columns, **notes):
 def test_a_column_is_drawn_averaged_or_held_and_absent_in_a_gap():
     first = trace("a", np.arange(0, 100, 10), {"a_degC": 1.0})
     slow = trace("b", np.arange(0, 101, 20), {"b_degC": np.arange(0, 101, 20) / 10})
-    fast = trace("c", np.arange(-5, 105, 1), {"c_degC": np.arange(110) % 2})
-    result = joined([first, slow, fast])
+    result = joined([first, slow, trace("c", np.arange(-5, 105, 1), {"c_degC": np.arange(110) % 2})])
     np.testing.assert_allclose(result.columns["b_degC"], first.time_s / 10)
     np.testing.assert_allclose(result.columns["c_degC"], 0.5)
     first = trace("a", np.arange(0, 60, 10), {"a_degC": 1.0})

@@ -8,13 +8,8 @@ from hypothesis import strategies as st
 from ambient_model.faults import Refused
 from ambient_model.model import Term
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation.error_variance import (
-    Moment,
-    fit_error_variance,
-    half_widths,
-    regressors_degC2,
-    sigma_degC,
-)
+from ambient_trainer.estimation import error_variance
+from ambient_trainer.estimation.error_variance import Moment, fit_error_variance, regressors_degC2, sigma_degC
 from ambient_trainer.estimation.validation import cut_in_blocks
 
 PERIOD_S = 1.0
@@ -35,7 +30,7 @@ def test_a_known_variance_is_found_and_wide_where_the_estimate_moves():
     # levels are of the errors: 90 % of normal ones lie within 1.645
     sigma = sigma_degC(model, moment.estimate_degC, 0 * variance, PERIOD_S) * model.quantiles[90][1] / 1.645
     assert np.median(np.abs(np.log(sigma / np.sqrt(variance)))) < 0.05
-    half = half_widths(model, [moment], PERIOD_S)
+    half = error_variance.half_widths(model, [moment], PERIOD_S)
     assert half["10"] == pytest.approx(0.2 * 1.645, rel=0.1)
     assert half["90"] > 2 * half["10"]
 

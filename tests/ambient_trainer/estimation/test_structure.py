@@ -102,8 +102,7 @@ def _somewhere(structure, seed):
 def test_a_circuit_from_equilibrium(name):
     circuit = load_circuit(name)
     structure = CircuitStructure(circuit, _segments(len(circuit.inputs), 1, periods_s=(1.0, 0.5)))
-    theta = _somewhere(structure, 1)
-    _assert_same(structure, theta)
+    _assert_same(structure, _somewhere(structure, 1))
 
 
 def test_weights_at_their_bounds_are_held_there():
@@ -125,8 +124,7 @@ def test_modes_that_lie_close(apart, forward):
         structure = CircuitStructure(circuit, _segments(len(circuit.inputs), len(circuit.outputs)))
         theta = np.log([20.0 if name.startswith("C_") else 2.0 for name in structure.search.names])
         if free_start:
-            between = [name in ("R_ab", "R_bc", "R_ac") for name in structure.search.names]
-            theta[between] += np.log(1e9)
+            theta[[name in ("R_ab", "R_bc", "R_ac") for name in structure.search.names]] += np.log(1e9)
         theta[structure.search.names.index("C_b" if free_start else "C_battery")] += apart
         _assert_same(structure, theta, tolerance=1e-5)
 
@@ -151,8 +149,7 @@ def test_source_shares_are_searched_and_weights_are_solved_beside_free_starts(fo
     assert structure.search.names[-1] == "share"
     assert structure.linear.names[:3] == ("weight", "offset", "w_ambient")
     assert "share" not in structure.logarithmic_names
-    theta = _somewhere(structure, 3) - np.array([3.0] * 3 + [0.0] * 7)
-    _assert_same(structure, theta)
+    _assert_same(structure, _somewhere(structure, 3) - np.array([3.0] * 3 + [0.0] * 7))
 
 
 @pytest.mark.parametrize(
@@ -206,8 +203,7 @@ def _slope_by_differences(structure, theta, h=3e-6):
 
 
 def test_a_time_constant_beyond_all_data_is_penalised():
-    circuit = load_circuit("model2_ss_free_cd")
-    structure = CircuitStructure(circuit, _segments(4, 1))
+    structure = CircuitStructure(load_circuit("model2_ss_free_cd"), _segments(4, 1))
     theta = _somewhere(structure, 5)
     names = structure.search.names
     theta[names.index("C_flash")] += 6.0
@@ -226,8 +222,7 @@ def test_a_time_constant_beyond_all_data_is_penalised():
 
 def test_a_mode_of_two_nodes_that_lose_nothing_together_is_penalised():
     """Battery and usb exchange quickly and lose almost nothing: each node alone looks fast."""
-    circuit = load_circuit("model2_ss_single_input")
-    structure = CircuitStructure(circuit, _segments(1, 1))
+    structure = CircuitStructure(load_circuit("model2_ss_single_input"), _segments(1, 1))
     theta = structure.search.initial.copy()
     theta[structure.search.names.index("R_display_battery")] += 13.0
     penalty, slope = structure.penalty(theta)

@@ -58,8 +58,7 @@ def test_a_whole_trace(rise, logged):
     trace = logged()
     assert fit.input_ranges[2] == (30.0, 55.0)
     assert fit.input_ranges[0] == (trace.columns["board_degC"].min(), trace.columns["board_degC"].max())
-    names = [each.name for each in fit.parameters]
-    assert names == [each.name for each in rise.parameters]
+    assert [each.name for each in fit.parameters] == [each.name for each in rise.parameters]
     for each in fit.parameters[2:]:
         low, high = each.interval95
         assert low < each.value < high

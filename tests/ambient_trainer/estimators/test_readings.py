@@ -96,8 +96,7 @@ def test_a_start_is_the_state_that_the_sensors_differences_tell(trace, fitted, z
     differences = np.vstack([u, noise]) @ (np.eye(SENSORS) - 1 / SENSORS)
     found, *_ = np.linalg.lstsq(differences, np.concatenate([x - u @ rest, np.zeros(SENSORS)]), rcond=None)
     assert expected == pytest.approx(rest + found, rel=1e-6)
-    observer = Observer(model, Tracker(model.main, discrete))
-    first = observer.update(0.0, u[0].tolist()).ambient_degC
+    first = Observer(model, Tracker(model.main, discrete)).update(0.0, u[0].tolist()).ambient_degC
     estimate = discrete.C[0][0] * np.dot(expected, u[0]) + np.dot(discrete.D[0], u[0]) + model.main.offset
     assert first == pytest.approx(estimate)
 
@@ -138,8 +137,7 @@ def test_a_short_log_is_enough_to_refuse_a_lie(trace, sensors, samples, lie):
 
 
 def test_a_current_beside_a_temperature_is_not_judged(trace):
-    random = np.random.default_rng(4)
-    current = np.repeat(random.choice([0.0, 1.0, 2.5], 40), SAMPLES // 40)
+    current = np.repeat(np.random.default_rng(4).choice([0.0, 1.0, 2.5], 40), SAMPLES // 40)
     columns = {**trace.columns, "charge_A": current}
     fit = FreeFilterEstimator(1).fit(
         [Trace("drawn", trace.time_s, columns)], Effort(starts=1), None, None, ("soc_degC", "charge_A")

@@ -110,6 +110,5 @@ def test_correct_writes_a_model_that_is_right_there(trainer, figures, saved, tmp
     [said] = model.provenance["corrections"]
     assert (said["trace"], said["from_s"], said["to_s"], said["samples"]) == ("known.csv", 300.0, None, 300)
     assert len(said["sha256"]) == 64
-    again = tmp_path / "again.json"
-    status, out, _ = trainer("correct", output, trace, "-o", again, "--from", 300)
+    status, out, _ = trainer("correct", output, trace, "-o", tmp_path / "again.json", "--from", 300)
     assert status == 0

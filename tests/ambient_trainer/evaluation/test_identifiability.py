@@ -8,15 +8,8 @@ from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.evaluation.identifiability import (
-    THRESHOLD,
-    identifiability,
-    own_output,
-    profile,
-    recovered,
-    reestimates,
-    unknowns_at,
-)
+from ambient_trainer.evaluation import identifiability as identifiability_module
+from ambient_trainer.evaluation.identifiability import identifiability, own_output, recovered, reestimates, unknowns_at
 from ambient_trainer.evaluation.identifiability_report import report_of
 from ambient_trainer.evaluation.sensitivity import sensitivity
 
@@ -86,8 +79,7 @@ def test_fixed_capacitances_cure_it():
 
 def test_the_thesis_test_finds_other_sets_with_the_same_output():
     found, known = subject("model2_ss")
-    ends = reestimates(found, known, Effort(8, 0), quiet)
-    others = [each for each in ends if each.another()]
+    others = [each for each in reestimates(found, known, Effort(8, 0), quiet) if each.another()]
     assert len(others) >= 2
     for each in others:
         values = {**found.values, **each.values}
@@ -128,9 +120,9 @@ def test_profiles_have_the_interval_of_the_quadratic_where_the_data_tell_much():
         return own_output(found.circuit, values, found.own, NOISE_DEGC, 1.0).own[0].outputs[0]
 
     J = np.array([(outputs(unknowns + h * e) - outputs(unknowns - h * e)) / (2 * h) for e in np.eye(len(unknowns))]).T
-    width = np.sqrt(np.diag(np.linalg.inv(J.T @ J)) * NOISE_DEGC**2 * THRESHOLD)
+    width = np.sqrt(np.diag(np.linalg.inv(J.T @ J)) * NOISE_DEGC**2 * identifiability_module.THRESHOLD)
     index = structure.search.names.index("R_soc_battery")
-    got = profile(found, "R_soc_battery")
+    got = identifiability_module.profile(found, "R_soc_battery")
     assert not got.flat
     assert np.log(got.interval95[1] / got.interval95[0]) / 2 == pytest.approx(width[index], rel=0.1)
     assert list(got.values) == sorted(got.values)
@@ -161,8 +153,7 @@ def trace():
 
 @pytest.mark.slow
 def test_a_trace_tells_it_from_the_fit_on(trace):
-    circuit = load_circuit("model2_ss")
-    free = identifiability(circuit, trace, {}, Effort(4, 0), 2, quiet)
+    free = identifiability(load_circuit("model2_ss"), trace, {}, Effort(4, 0), 2, quiet)
     assert not free.identifiable
     assert free.others
     assert set(CAPACITANCES) <= set(free.flat)

@@ -64,8 +64,7 @@ def test_every_form_holds_the_same(form, table, fleet_units, logs, tmp_path):
 def test_row_groups_that_neighbours_share_are_read_for_the_units_that_are_asked(table, fleet_units, tmp_path):
     one_file(tmp_path, table, fleet_units)
     every = entries(str(tmp_path), SOURCE)
-    some = [each.unit for each in logs(every[3:5], SOURCE)]
-    assert some == [each.name for each in fleet_units[3:5]]
+    assert [each.unit for each in logs(every[3:5], SOURCE)] == [each.name for each in fleet_units[3:5]]
 
 
 def test_nothing_there_is_refused_and_a_file_that_is_a_hole_costs_no_memory(tmp_path):

@@ -144,8 +144,7 @@ def test_ctrl_c_and_resume(many, expected, interrupted, trainer, tmp_path):
     status, _, shown = interrupted("fitting units", *asked)  # a stage: the bar may miss a count
     assert status == 1
     assert "Traceback" not in shown
-    kept = list((tmp_path / "fitted" / ".parts").glob("look-*"))
-    assert kept
+    assert list((tmp_path / "fitted" / ".parts").glob("look-*"))
     status, _, err = trainer(*asked, "--resume")
     assert status == 0, err
     assert (tmp_path / "fitted" / "fleet.parquet").read_bytes() == expected
@@ -165,5 +164,4 @@ def test_two_clusters_share_nothing_but_the_dataset(many, expected, tmp_path):
         at.fit_fleet(many, "free-1", tmp_path / "out", engine=address, effort=EFFORT, resume=True)
     assert (tmp_path / "out" / "fleet.parquet").read_bytes() == expected
     for folder in ("one", "two"):
-        left = {each.name for each in (tmp_path / folder).rglob("*.pickle")}
-        assert not left
+        assert not {each.name for each in (tmp_path / folder).rglob("*.pickle")}

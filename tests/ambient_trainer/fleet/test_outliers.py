@@ -46,8 +46,7 @@ NAMED = {
 
 @pytest.mark.slow
 def test_the_cause_of_an_outlier_is_named_beside_typical_units(tmp_path):
-    plan = FleetPlan("5", 24, seed=9, period_s=20.0, minutes=120.0, cased=0.0, hide=tuple(NAMED))
-    drawn = list(fleet(plan))
+    drawn = list(fleet(FleetPlan("5", 24, seed=9, period_s=20.0, minutes=120.0, cased=0.0, hide=tuple(NAMED))))
     write_dataset(str(tmp_path / "logs"), ((each.name, each.trace, {}) for each in drawn))
     causes = {each.name: each.truth["hidden"][0]["cause"] for each in drawn if each.truth["hidden"]}
     places = entries(str(tmp_path / "logs"), Source("unit"))

@@ -40,8 +40,7 @@ def test_the_distance_is_that_of_the_data_from_their_prior():
     between, mean = np.diag([1.0, 0.5, 0.2]), np.array([0.3, 0.0, -0.3])
     normal, _, _, _ = units(1, 40, seed=4)
     distance, freedom = deviance(normal.H / 0.25, normal.g / 0.25, mean, between)
-    least = np.linalg.solve(normal.H[0], normal.g[0])
-    apart = least - mean
+    apart = np.linalg.solve(normal.H[0], normal.g[0]) - mean
     expected = apart @ np.linalg.inv(0.25 * np.linalg.inv(normal.H[0]) + between) @ apart
     assert distance[0] == pytest.approx(expected, rel=1e-6)
     assert freedom[0] == pytest.approx(P, rel=1e-6)
@@ -52,8 +51,7 @@ def test_mean_and_spread_are_recovered_from_units_of_few_samples():
     mean = np.array([1.0, 0.0, -1.0])
     normal, c, _, _ = units(2000, 5, seed=6, between=between, mean=mean)
     found = pooled(normal, np.zeros(2000, dtype=int), 1.0)
-    error = np.sqrt(np.diag(found.mean_covariance))
-    assert (np.abs(found.mean - mean) < 4 * error).all()
+    assert (np.abs(found.mean - mean) < 4 * np.sqrt(np.diag(found.mean_covariance))).all()
     np.testing.assert_allclose(found.between, between, atol=0.1)
     assert found.variance_degC2 == pytest.approx(0.25, rel=0.1)
     # the posterior is nearer to the truth than either least squares or the mean, and says how near
@@ -77,8 +75,7 @@ def test_broken_units_do_not_bend_the_population():
     assert np.abs(bent.mean - whole.mean).max() < 0.05
     assert np.trace(bent.between) < 1.5 * np.trace(whole.between)
     distance, _ = deviance(normal.H / 0.25, g / 0.25, bent.mean, bent.between)
-    worst = np.argsort(-improbability(distance))[:6]
-    assert sorted(worst) == list(range(6))
+    assert sorted(np.argsort(-improbability(distance))[:6]) == list(range(6))
 
 
 def test_groups_are_one_level_more():

@@ -151,8 +151,7 @@ class Chamber(Far):
         letter, *parts = command[3:].split(" ")
         if letter == "I":
             nominal = self.nominal()
-            actual = self.air() if self.air else nominal
-            numbers = [nominal + self.shown_K, actual]
+            numbers = [nominal + self.shown_K, self.air() if self.air else nominal]
             for name, value in zip(self.fields[1:], self.others):
                 numbers += [value] if name in self.single else [value, 23.8]
             return " ".join(f"{number:06.1f}" for number in numbers) + f" {self.bits}{self.after}"
@@ -502,8 +501,7 @@ def test_what_a_chamber_reports_instead_is_said_and_the_run_ends(chamber, night_
     assert "25.0 degC within 60 s" in said
     assert (night.outcome.ending, night.outcome.safe) == (WAYS[way], False)
     assert night.complete.startswith("no: ")
-    rows = len(night.trace.time_s)
-    assert (rows < 600) == (way in ("end", "stopped", "wait"))
+    assert (len(night.trace.time_s) < 600) == (way in ("end", "stopped", "wait"))
     assert night.part.exists() == (way != "go-on")
 
 

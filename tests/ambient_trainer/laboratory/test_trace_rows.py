@@ -53,8 +53,7 @@ def test_the_middle_of_asking_and_answering_counts_and_where_it_is_not_known_the
     assert [row["soc_degC"] for _, row in found] == [None, 25.0, None, None, None, 27.0, None]
     late = scan(101.0, 20.0, 20.0, delay_s=4.0)
     assert all(row["ambient_degC"] is None for _, row in rows(late, End(106.0, "")))
-    record = Record(HEAD, (StepBegan(0.0, 1, 0.0), late))
-    beside = laboratory_rows(record, CAMPAIGN, Grid(100.0, 1.0))
+    beside = laboratory_rows(Record(HEAD, (StepBegan(0.0, 1, 0.0), late)), CAMPAIGN, Grid(100.0, 1.0))
     assert list(beside) == ["multiplexer_delay_s", "probe_air1_degC", "probe_air2_degC"]
     assert beside.reset_index().to_numpy().tolist() == [[3.0, 4.0, 20.0, 20.0]]
 

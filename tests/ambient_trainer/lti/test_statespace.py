@@ -22,8 +22,7 @@ def test_few_enough_states_stay_and_those_that_say_the_same_twice_go_without_a_t
     A = np.array([[-1.0, 0.3], [0.0, -0.2]])
     B, C = np.array([[1.0, 0.5], [0.2, -1.0]]), np.array([[1.0, 2.0]])
     once = system(A, B, C)
-    twice = system(np.kron(np.eye(2), A), np.vstack([B, B]), np.hstack([C, C]) / 2)
-    found = reduced(twice, 2)
+    found = reduced(system(np.kron(np.eye(2), A), np.vstack([B, B]), np.hstack([C, C]) / 2), 2)
     assert found.offset == once.offset
     for frequency in (0.0, 0.1, 1.0, 10.0):
         np.testing.assert_allclose(response(found, frequency), response(once, frequency), atol=1e-7)
@@ -49,8 +48,7 @@ def test_gains_at_rest_stay_and_the_error_is_bounded():
 def test_noise_gain_is_what_white_noise_shows():
     A = np.array([[-0.05, 0.02], [0.0, -0.3]])
     found = system(A, np.array([[0.05, 0.0], [0.3, -0.2]]), np.array([[1.0, 1.5]]))
-    noise = np.random.default_rng(0).standard_normal((2, 200_000))
-    said = response_degC(found, "first-order", noise, 1.0)
+    said = response_degC(found, "first-order", np.random.default_rng(0).standard_normal((2, 200_000)), 1.0)
     assert noise_gain(found, 1.0) == pytest.approx(said[500:].std(), rel=0.01)
 
 

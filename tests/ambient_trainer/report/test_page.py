@@ -52,8 +52,7 @@ def test_a_sensor_has_one_colour_wherever_it_is_drawn():
     phone = sensor_colours(["usb", "flash", "battery", "soc", "display"])
     assert sensor_colours(["display", "soc", "battery", "flash", "usb"]) == phone
     assert len(set(phone.values())) == 5
-    many = sensor_colours(map(str, range(50)))
-    assert set(many.values()) == set(SENSOR_COLOURS)
+    assert set(sensor_colours(map(str, range(50))).values()) == set(SENSOR_COLOURS)
 
 
 def shown(draw, width=100):

@@ -5,16 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_trainer.report.plots import (
-    Band,
-    Panel,
-    Shade,
-    broken_at_gaps,
-    envelope,
-    extremes,
-    spans_where,
-    stacked_figure,
-)
+from ambient_trainer.report import plots
+from ambient_trainer.report.plots import Band, Panel, Shade, broken_at_gaps, spans_where, stacked_figure
 
 
 def test_a_band_is_an_outline_for_each_stretch_that_has_it():
@@ -47,7 +39,7 @@ VALUES = st.lists(st.one_of(st.floats(-1e6, 1e6), st.just(NAN)), min_size=1, max
 @given(VALUES, st.integers(6, 60))
 def test_the_extremes_stay_and_the_count_is_bounded(values, limit):
     y = np.array(values)
-    kept = extremes(y, limit)
+    kept = plots.extremes(y, limit)
     assert np.all(np.diff(kept) > 0)
     assert len(kept) <= limit + 2
     assert kept[0] == 0
@@ -61,8 +53,7 @@ def test_the_extremes_stay_and_the_count_is_bounded(values, limit):
 @given(VALUES, st.integers(1, 50))
 def test_an_envelope_holds_the_whole_band(values, limit):
     low = np.array(values)
-    high = low + 1.0
-    at, lowest, highest = envelope(low, high, limit)
+    at, lowest, highest = plots.envelope(low, low + 1.0, limit)
     assert len(at) <= limit
     for start, stop, a, b in zip(at, [*at[1:], len(low)], lowest, highest):
         stretch = low[start:stop][np.isfinite(low[start:stop])]

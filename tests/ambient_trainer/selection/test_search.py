@@ -11,17 +11,11 @@ from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.uncertainty import residuals
 from ambient_trainer.estimation.validation import refitted
+from ambient_trainer.selection import search as search_module
 from ambient_trainer.selection.grams import best_sets
 from ambient_trainer.selection.report import as_json
 from ambient_trainer.selection.resumable import ResumablePool
-from ambient_trainer.selection.search import (
-    ScoredSystem,
-    SearchResult,
-    circuit_structure,
-    flat_from,
-    numbered,
-    searched,
-)
+from ambient_trainer.selection.search import ScoredSystem, SearchResult, circuit_structure, flat_from, searched
 from ambient_trainer.selection.topology import initial_topologies
 
 from .conftest import AGAIN, LONER, PAIR, data_of, found_in, made_up
@@ -61,8 +55,7 @@ def test_a_double_is_an_alternative():
 
 
 def test_several_traces_are_searched_together():
-    traces = [made_up(0), made_up(1, path="other.csv")]
-    data = data_of(*traces)
+    data = data_of(made_up(0), made_up(1, path="other.csv"))
     assert {each.segment for each in data.blocks} == {0, 1}
     with ResumablePool(1) as pool:
         result = searched(data, pool, with_circuits=False)
@@ -71,8 +64,7 @@ def test_several_traces_are_searched_together():
 
 
 def test_a_trace_to_check_on_is_looked_at_before_the_work():
-    trace = made_up()
-    data = data_of(trace)
+    data = data_of(made_up())
     lacking, blind = made_up(3, path="lacking.csv"), made_up(3, path="blind.csv")
     del lacking.columns["chip_degC"], lacking.columns["right_degC"]
     blind.columns["ambient_degC"][:] = np.nan
@@ -109,7 +101,7 @@ def test_the_search_goes_back_to_a_smaller_set():
 
 
 def test_squares_are_those_of_independent_fits(small):
-    rows = list(numbered(small, ("left", "right")))
+    rows = list(search_module.numbered(small, ("left", "right")))
     pair = [Segment(each.period_s, each.inputs[rows], each.outputs) for each in small.segments]
     whole, squares = refitted(FreeFilter(1, pair), small.blocks, 4, 400, 60)
     assert whole.sum_of_squares == pytest.approx(search(FreeFilter(1, pair), 4, 0).best.sum_of_squares)

@@ -8,16 +8,9 @@ from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.circuits.write import write_circuit
 from ambient_trainer.estimation.structure import linearise
 from ambient_trainer.lti.response import response_degC
+from ambient_trainer.selection import topology as topology_module
 from ambient_trainer.selection.search import circuit_structure
-from ambient_trainer.selection.topology import (
-    Topology,
-    best_topology,
-    can_be_named,
-    circuit_of,
-    initial_topologies,
-    neighbours,
-    pruned,
-)
+from ambient_trainer.selection.topology import Topology, best_topology, can_be_named, circuit_of, neighbours
 
 from ..conftest import truth_of
 
@@ -36,7 +29,7 @@ def walked(sensors, most_states, seed, steps=40):
     """Topologies on a random walk from each start."""
     random = np.random.default_rng(seed)
     passed = []
-    for here in initial_topologies(sensors, most_states):
+    for here in topology_module.initial_topologies(sensors, most_states):
         for _ in range(steps):
             around = neighbours(here, most_states)
             here = around[random.integers(len(around))]
@@ -124,7 +117,7 @@ def test_an_edge_that_conducts_nothing_is_gone_and_nothing_else_changes(small, t
     random, values = np.random.default_rng(0), truth_of(circuit)
     values.update({each: random.normal() for each in values if each[:2] in ("c_", "d_")})
     values[name] = 1e7
-    less, drawn = pruned(circuit, topology, values)
+    less, drawn = topology_module.pruned(circuit, topology, values)
     assert set(drawn.edges) == set(topology.edges) - {edge}
     assert name not in {each.name for each in less.parameters}
     # a state that is alone again has its capacitance set

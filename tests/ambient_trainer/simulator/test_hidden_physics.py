@@ -125,8 +125,7 @@ def test_what_is_attached_since_ever_is_at_rest_with_the_phone():
 
 
 def test_a_strap_conducts_the_stated_heat_at_rest():
-    strap = Hidden("path", "flash-usb", None, 0.0, None, 0.2)
-    part = _added(strap)
+    part = _added(Hidden("path", "flash-usb", None, 0.0, None, 0.2))
     additions = Additions(HeatBalance([_PHONE]), [part])
     flash, usb = NODES.index("flash"), NODES.index("usb")
     state = np.zeros((1, additions.width))
@@ -137,13 +136,11 @@ def test_a_strap_conducts_the_stated_heat_at_rest():
 
 
 def test_a_fan_doubles_the_convection_at_ten_kelvin_and_only_that():
-    fan = Hidden("ambient_coupling", None, None, 0.0, None, -0.5)
-    part = _added(fan)
+    part = _added(Hidden("ambient_coupling", None, None, 0.0, None, -0.5))
     balance = HeatBalance([_PHONE])
     nodes, air = np.full((1, len(NODES)), 30.0), np.array([20.0])
     more_W = TERMS["blown"](nodes, air, balance)[0] * part.terms[0].pattern
-    own_W = balance.convected(nodes, air)[0]
-    assert -more_W == pytest.approx(own_W)
+    assert -more_W == pytest.approx(balance.convected(nodes, air)[0])
     assert [term.kind for term in part.terms] == ["blown"]
     assert part.terms[0].course.mean() == pytest.approx(1.0, abs=0.05)  # turbulence
 
@@ -171,8 +168,7 @@ def test_a_draught_is_like_convection_at_fifteen_kelvin_nearly_nothing_below_and
 
 
 def test_a_contact_is_shared_by_area():
-    hand = Hidden("contact", None, None, 0.0, None, 0.3)
-    part = _added(hand)
+    part = _added(Hidden("contact", None, None, 0.0, None, 0.3))
     shares = {link.other: link.conductance_W_K[9] for link in part.links if link.other in NODES}
     areas = {node: _PHONE.nodes[node].surface_m2 for node in _PHONE.surfaces}
     grip = sum(shares.values())
@@ -181,8 +177,7 @@ def test_a_contact_is_shared_by_area():
 
 
 def test_a_charger_warms_up_holds_and_tapers():
-    charger = _HEAT[0]
-    course = _added(charger).terms[0].course
+    course = _added(_HEAT[0]).terms[0].course
     assert course[:300].max() == 0.0
     assert course[1201:].max() == 0.0
     assert course[310] < 0.4

@@ -87,8 +87,7 @@ def test_the_truth_names_it_and_its_magnitude(simulated, effect):
     if effect.signal is None:
         assert told.onset_s == (effect.onset_s or None)
     else:
-        on = run.trace.time_s[run.trace.columns[effect.signal] > 0]
-        assert told.onset_s == on[0]
+        assert told.onset_s == run.trace.time_s[run.trace.columns[effect.signal] > 0][0]
     low, high, unit = _MAGNITUDES[effect]
     assert told.unit == unit
     assert low - 1e-9 <= told.magnitude <= high + 1e-9
@@ -261,6 +260,5 @@ def test_a_new_effect_is_one_file(plugged):
     drawn = draw_hidden(np.random.default_rng(0), "cold_spot", 900.0)
     (told,) = run.truths
     assert (told.cause, told.magnitude, told.unit, told.worst) == ("cold_spot", 0.5, "W", "usb_degC")
-    late = run.trace.time_s > 600
-    assert (run.trace.column("usb_degC") < run.clean.column("usb_degC") - 1)[late].all()
+    assert (run.trace.column("usb_degC") < run.clean.column("usb_degC") - 1)[run.trace.time_s > 600].all()
     assert drawn.location in NODES

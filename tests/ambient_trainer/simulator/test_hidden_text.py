@@ -78,8 +78,7 @@ def test_any_text_is_an_effect_or_refused(text):
 
 def test_what_is_left_out_is_drawn_from_the_seed_and_for_each_effect_apart():
     assert _read("random", 1) == _read("random", 1)
-    causes = {_read("random", seed).cause for seed in range(200)}
-    assert causes == set(_CAUSES)
+    assert {_read("random", seed).cause for seed in range(200)} == set(_CAUSES)
     drawn = [_read("ambient_coupling:display", seed) for seed in range(50)]
     assert {each.location for each in drawn} == {"display"}
     assert {each.signal for each in drawn} == {None, "fan_on", "wind_m_s"}

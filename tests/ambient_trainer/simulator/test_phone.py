@@ -105,8 +105,7 @@ def test_about_fifty_zones_come_on_request_and_change_nothing_else():
 
 def test_the_chamber_ramps_at_its_rate_and_starts_settled():
     chamber = Chamber(heating_K_min=3.0, cooling_K_min=1.5, wobble_degC=0.0)
-    set_point = np.array([20.0] * 3 + [50.0] * 1500 + [20.0] * 2400)
-    air = ramped(set_point, 1.0, chamber)
+    air = ramped(np.array([20.0] * 3 + [50.0] * 1500 + [20.0] * 2400), 1.0, chamber)
     assert air[:4] == pytest.approx([20.0] * 4)
     assert np.diff(air).max() == pytest.approx(3.0 / 60, rel=1e-3)
     assert np.diff(air).min() == pytest.approx(-1.5 / 60, rel=1e-3)
@@ -154,6 +153,5 @@ def test_a_device_file_with_other_calibrated_numbers_keeps_all_else(tmp_path):
     values = {name: rounded(np.sqrt(each.low * each.high)) for name, each in constants.items()}
     path = tmp_path / "phone.yaml"
     path.write_text(with_calibrated(Path(device_path("phone")).read_text(), values))
-    read = load_constants(str(path))
-    assert {name: each.value for name, each in read.items()} == values
+    assert {name: each.value for name, each in load_constants(str(path)).items()} == values
     assert load_device(str(path)) == load_device().with_values(values)

@@ -26,8 +26,7 @@ def day():
 
 
 def test_it_logs_its_sensors_its_drives_and_its_fan(day):
-    box = load_device("set_top_box")
-    zones = [f"{name}_degC" for name in box.sensors]
+    zones = [f"{name}_degC" for name in load_device("set_top_box").sensors]
     assert list(day.columns) == [*zones, "ambient_degC", "soc_power_W", "disk_on", "cpu_load_frac", "fan_frac"]
     fan, soc = day.column("fan_frac"), day.column("soc_degC")
     assert fan[soc < 44].max() == 0.0

@@ -13,8 +13,7 @@ def test_a_fresh_process_writes_the_same_bytes_for_the_same_seed(trainer, tmp_pa
     status, out, err = trainer("simulate", *wanted, here)
     assert (status, str(here) in out, "45" in out, err) == (0, True, True, "")
     call = [sys.executable, "-m", "ambient_trainer", "simulate", *wanted, str(there)]
-    finished = subprocess.run(call, capture_output=True, text=True, check=True)
-    assert finished.stderr == ""
+    assert subprocess.run(call, capture_output=True, text=True, check=True).stderr == ""
     assert here.read_bytes() == there.read_bytes()
     assert trainer("simulate", *wanted, there, "--seed", 5)[0] == 0
     assert here.read_bytes() != there.read_bytes()

@@ -63,8 +63,7 @@ def test_thermistors_keep_within_their_grade_and_silicon_scatters(many):
     assert np.abs(usb).max() <= 0.02 / 0.044
     assert np.std(usb) == pytest.approx(np.sqrt(2 / 3) * 0.01 / 0.044, rel=0.1)
     assert max(abs(unit.gains["usb"]) for unit in many) <= 0.01
-    soc = np.array([unit.zones[0].offset_degC for unit in many])
-    assert np.std(soc) == pytest.approx(1.0, rel=0.1)
+    assert np.std([unit.zones[0].offset_degC for unit in many]) == pytest.approx(1.0, rel=0.1)
 
 
 def test_nothing_is_beyond_what_can_be_and_a_case_is_that_of_its_layers(many):

@@ -53,8 +53,7 @@ def test_a_brick_s_constants_come_back_from_its_log(forward, record):
 def test_what_is_believed_holds_where_the_log_says_nothing(observer_file, brick_log):
     recipe, circuit = find_recipe(observer_file)
     stubborn = recipe.model_copy(update={"prior": recipe.prior.model_copy(update={"capacitance": 1e-4})})
-    forward = Forward(stubborn, circuit)
-    found = forward.fit([record_of(stubborn, brick_log.columns)], 5.0, lambda *_: None)
+    found = Forward(stubborn, circuit).fit([record_of(stubborn, brick_log.columns)], 5.0, lambda *_: None)
     first = {name: found.values[name] for name in ("C_chip", "C_board", "C_shell")}
     assert first == pytest.approx({"C_chip": 3, "C_board": 15, "C_shell": 40}, rel=0.01)
 

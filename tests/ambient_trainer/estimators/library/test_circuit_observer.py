@@ -46,8 +46,7 @@ def test_a_lone_sensor_gives_its_time_constant_and_noise_back():
 def test_on_other_runs_it_errs_like_the_filter_that_knows_the_truth_and_its_interval_covers(fit, model):
     """The true circuit's filter is the best there is; what was fitted leaves hardly more on a run that it never saw."""
     circuit = RandomWalkAmbient(fit.inputs, 0.3)
-    density = 0.05 * np.sqrt(10.0)
-    truth = np.log([60, 200, 120, 1, 1, *[0.004] * 3, *[0.02] * 3, *[density] * 3])
+    truth = np.log([60, 200, 120, 1, 1, *[0.004] * 3, *[0.02] * 3, *[0.05 * np.sqrt(10.0)] * 3])
     held_out = walked(2)
     segment = Segment(10.0, np.vstack([held_out.columns[name] for name in fit.inputs]), held_out.reference[None])
     best = np.std(held_out.reference - response_degC(circuit.filter(truth), "first-order", segment.inputs, 10.0))
@@ -130,8 +129,7 @@ def test_it_is_the_kalman_filter_stepped_through_time(theta):
 
 
 def test_slopes_are_differences_and_far_off_all_is_finite(theta):
-    segment = segment_of(walked(2, samples=200))
-    structure = searched([segment], theta)
+    structure = searched([segment_of(walked(2, samples=200))], theta)
     slopes = structure.slopes(theta, np.zeros(1), 0)
     for index, h in enumerate(1e-5 * np.eye(len(theta))):
         across = (structure.regressors(theta + h, 0)[0] - structure.regressors(theta - h, 0)[0]) / 2e-5

@@ -86,8 +86,7 @@ def test_few_levels_do_not_make_large_gains():
 
 def test_where_the_sensors_offsets_are_open_the_interval_is_no_narrower_than_they_make_it():
     """A log of two levels: whatever the offsets are, the blocks are predicted as well."""
-    trace = walked(1, samples=400)
-    fit = FreeObserver().fit([trace], ONE)
+    fit = FreeObserver().fit([walked(1, samples=400)], ONE)
     offset_degC = fit.details["choice"]["offset_degC"]
     assert fit.error_variance.constant_degC2 >= offset_degC**2 * np.square(fit.dc_gains).sum()
     assert sigma_degC(fit.error_variance, np.array([300.0]), 0.0, 10.0) > 100  # nothing shows how right that is

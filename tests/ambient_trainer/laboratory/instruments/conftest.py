@@ -64,7 +64,6 @@ def bench(clock, driver_at, closed) -> Callable[..., Bench]:
             simulated = simulated_class(named, clock, lambda at_s: 21.5, 0, errors_K)
         else:
             simulated = simulated_class(settings_of(role), clock, lambda at_s: 21.5)
-        driver = driver_at(role, closed(simulated).port, clock, **values)
-        return Bench(role, driver, simulated, clock)
+        return Bench(role, driver_at(role, closed(simulated).port, clock, **values), simulated, clock)
 
     return make
