@@ -44,6 +44,14 @@ def test_a_trace_about_as_coarse_is_left_alone():
     assert means(trace, 20.0) is not trace
 
 
+def test_a_stretch_in_which_no_sensor_is_read_is_none():
+    rows = np.arange(1500.0)
+    read, air = rows.copy(), rows.copy()
+    read[:900], air[500:1000] = np.nan, np.nan
+    held = records(_trace(rows, a_degC=read, ambient_degC=air), ["ambient_degC"], ["a_degC"], 1.0)
+    assert [each.time_s[0] for each in held] == [1000.0]
+
+
 def _simulated(inputs: np.ndarray, period_s: float, held: bool = False, start: np.ndarray | None = None) -> np.ndarray:
     """A chip on a board in the air, (2, N), under the air and a heater's watts; from rest without a ``start``."""
     A = np.array([[-1 / 160, 1 / 160], [1 / 600, -1 / 600 - 1 / 2250]])

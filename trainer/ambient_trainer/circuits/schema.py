@@ -106,7 +106,7 @@ class _Mechanism(Strict):
 class _File(Strict):
     format: Literal["ambient-circuit"]
     version: Literal[1]
-    name: _Name
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
     about: str = ""
     form: Form
     hold: Hold = "first-order"

@@ -210,10 +210,11 @@ def _diagnosis(
     share = None if floor_degC is None else _share(before, after, floor_degC)
     nothing = not steps and floor_degC is not None and _misfits(bare, floor_degC)
     much_left = _much_left(final, share)
-    # an instrument's fault fits whatever physics leaves, and rows in any order have drivers, too
+    # an instrument's fault fits whatever physics leaves, and rows in any order have drivers, too, which gain little
     blamed = any(each.instrument for each in final.model.mechanisms[len(bare.model.mechanisms) :])
     unsure = much_left and (blamed or _noise_degC(final) > _JUMPY * final.rmse_degC)
-    nameless = unsure and not _halved_by_heat(steps)
+    halved = after < _HALF * before and not blamed and _left(final)[0] < _NOTHING
+    nameless = unsure and not (halved or _halved_by_heat(steps))
     if nothing or not described or nameless or _confounded(selection):
         steps, share = (unknown_step(bare, longest),), None
     elif much_left and share is not None:

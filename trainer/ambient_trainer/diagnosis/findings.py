@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import norm, wilcoxon
 
 from ambient_model.trace import REFERENCE
-from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.circuits.circuit import AMBIENT, Circuit
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.choice import (
     ANSWERS,
@@ -246,6 +246,8 @@ def _or_physics(trial: Trial) -> tuple[Cause, ...]:
     cause, fitted = trial.mechanism.cause, trial.fitted
     if cause in _CURVES and trial.mechanism.driver is None and not any(map(_moves, fitted.records)):
         return tuple(Cause(each, trial.mechanism.places[0], None) for each in _CURVES if each != cause)
+    if (cause, trial.mechanism.places) == ("sensor_bias", (AMBIENT,)):
+        return (Cause("heat_source", None, None),)
     if trial.mechanism.of_reference:
         return (Cause("heat_source", None, None),) if math.isfinite(Scene(fitted).repeats_s(REFERENCE)) else ()
     if cause not in ("sensor_drift", "sensor_lag"):

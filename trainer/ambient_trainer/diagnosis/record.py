@@ -86,7 +86,7 @@ def _logged_s(trace: Trace) -> float:
 def records(
     trace: Trace, inputs: Sequence[str], sensors: Sequence[str], period_s: float, hold: Hold = "first-order"
 ) -> list[Record]:
-    """The stretches of ``trace`` in which all ``inputs`` are there; raises :class:`Refused` where none is."""
+    """The stretches of ``trace`` with all ``inputs``, and any sensor; raises :class:`Refused` where there is none."""
     return _on_grid(straight(trace, sensors, hold), inputs, sensors, period_s)
 
 
@@ -119,7 +119,7 @@ def _on_grid(
     extra = [name for name in trace.columns if name not in sensors]
     mean = means(trace, period_s)
     timed = replace(mean, columns={**mean.columns, _TIME: mean.time_s})
-    return [
+    stretches = [
         Record(
             period_s,
             segment.outputs[0, 0] + period_s * np.arange(segment.inputs.shape[1]),
@@ -129,6 +129,7 @@ def _on_grid(
         )
         for segment in segments(timed, inputs, [_TIME, *sensors, *extra], period_s, bridged_s)
     ]
+    return [each for each in stretches if np.isfinite(each.sensors).any()] or stretches
 
 
 def _averaged(fine: Record, every: int) -> Record:

@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose, learn_known_good
 from ambient_trainer.diagnosis.greybox.mechanisms.path import Path
 from ambient_trainer.diagnosis.result import Cause
 
+from .test_places import PAIR
 from .test_unlogged_room import TIME_S, in_a_room
 
 
@@ -23,6 +26,45 @@ def test_a_flow_carries_what_comes_in(circuit, seed):
     step = diagnose(circuit, [in_a_room(flow_W, draw, [25.0], columns=columns)]).verdict
     assert step.cause == Cause("path", "board-water_in", "flow_L_min"), seed
     assert step.confidence > 0.9, seed
+
+
+def two_bodies(slope_K_s, seed, **columns):
+    """``fast`` and ``slow``, whose slopes follow from the time and their temperatures; logged with noise."""
+    draw = np.random.default_rng(seed)
+    solved = solve_ivp(slope_K_s, (0.0, TIME_S[-1]), [25.0, 25.0], t_eval=TIME_S, max_step=20.0)
+    fast, slow = solved.y + draw.normal(0, 0.05, solved.y.shape)
+    return Trace("two bodies", TIME_S, {"fast_degC": fast, "slow_degC": slow, **columns})
+
+
+def test_water_that_flows_past_several_bodies_warms_them_all(seed):
+    """And a pump's current that follows the water heats none of them."""
+    draw = np.random.default_rng(seed)
+    inlet_degC = 40 + 12 * np.sin(TIME_S / draw.uniform(500, 900)) + np.repeat(draw.normal(0, 4, 30), 30)
+    joined_W_K = draw.uniform(0.4, 1.2, 2)
+
+    def slope(now_s, degC):
+        apart = np.interp(now_s, TIME_S, inlet_degC) - degC
+        return (joined_W_K * apart * (1 + 0.01 * np.abs(apart)) - 0.2 * (degC - 25.0)) / np.array([120.0, 600.0])
+
+    columns = {"water_in_degC": inlet_degC, "pump_A": 0.05 * (inlet_degC - 20) + draw.normal(0, 0.05, len(TIME_S))}
+    found = diagnose(PAIR, [two_bodies(slope, seed, ambient_degC=np.full(len(TIME_S), 25.0), **columns)])
+    assert found.verdict_cause == Cause("path", ("fast-water_in", "slow-water_in"), None), seed
+
+
+def test_a_reference_in_the_sun_is_one_offset_and_no_heat_at_each_body(seed):
+    draw = np.random.default_rng(seed)
+    air_degC = 18 + 8 * np.sin(TIME_S / draw.uniform(700, 1200)) + np.repeat(draw.normal(0, 3, 18), 50)
+    off_degC, loss_W_K = draw.uniform(3, 7), draw.uniform(0.3, 0.9, 2)
+
+    def slope(now_s, degC):
+        apart = np.interp(now_s, TIME_S, air_degC) - degC
+        return loss_W_K * apart * (1 + 0.004 * np.abs(apart)) / np.array([120.0, 600.0])
+
+    step = diagnose(PAIR, [two_bodies(slope, seed, ambient_degC=air_degC + off_degC)]).verdict
+    assert step.cause == Cause("sensor_bias", "ambient", None), seed
+    assert step.magnitude.value == pytest.approx(off_degC, rel=0.2), seed
+    assert step.confidence <= 0.6, seed
+    assert Cause("heat_source", None, None) in step.indistinguishable_from, seed
 
 
 def test_a_wall_that_stays_as_it_is_is_a_slow_body(circuit, simulated, seed):

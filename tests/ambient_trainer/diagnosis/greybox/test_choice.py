@@ -71,6 +71,18 @@ def test_what_begins_beside_known_good_records_lasts_only_where_that_does_about_
     assert choose(before, [window, always], 0.0) is (window if known_good else always)
 
 
+def test_a_heater_that_was_turned_up_once_acts_in_the_place_of_a_window():
+    """A measured flow heater, seen by a sensor behind a pipe: no fold foretells its only switch, stretches show it."""
+    before, window = with_a_window("board", 0.1, known_good=False)
+    record = before.records[0]
+    record.time_s, record.samples, record.period_s = np.arange(300.0), 300, 1.0
+    record.signals = {"heater_frac": (record.time_s >= 95).astype(float)}
+    heater = trial(Heat, ("board",), 0.6, 0.6, 0.6)
+    heater.mechanism = replace(heater.mechanism, driver=Expression("heater_frac"))
+    heater.fitted.combed, heater.fitted.records = np.full(FOLDS, 0.3**2), before.records
+    assert choose(before, [window, heater], 0.0) is heater
+
+
 @pytest.mark.parametrize("known_good", [True, False])
 @pytest.mark.parametrize("fault", [trial(Clock, (), 2.0, 2.0, 2.0), trial(Bias, ("skin",), 2.0, 4.0, 2.4)])
 def test_an_instrument_is_a_likelier_cause_where_known_good_records_show_the_bodies(known_good, fault):

@@ -1,5 +1,7 @@
 """Heaters of two bodies: each at its own place, unless both follow one of them, or one body warms the other."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -84,6 +86,16 @@ def test_what_is_warmed_by_another_body_has_no_heater_of_its_own(seed):
     expected = [("heat_source", ("fast",), "heater_frac"), ("path", ("fast-slow",), "")]
     assert keys(conducted(at_both(warmed_by_a_path(seed), "heater_frac"))) == expected, seed
     assert conducted(at_both(warmed(seed, ("one", "one")), "one_frac")) == [], seed
+
+
+def test_a_body_with_a_heater_of_its_own_name_is_warmed_by_no_path(seed):
+    """As a printer's bed: both heaters go on at once."""
+    trace = warmed_by_a_path(seed)
+    shares = trace.columns["heater_frac"]
+    own = np.clip(shares + np.random.default_rng(seed).normal(0, 0.1, SAMPLES), 0.0, 1.0)
+    others = {name: row for name, row in trace.columns.items() if name != "heater_frac"}
+    named = replace(trace, columns={**others, "fast_heater_frac": shares, "slow_heater_frac": own})
+    assert conducted(at_both(named, "fast_heater_frac")) == [], seed
 
 
 def test_a_heater_that_was_on_once_for_a_moment_is_a_driver(circuit, seed):

@@ -21,7 +21,16 @@ from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat, HeatInTheCol
 from ambient_trainer.diagnosis.greybox.mechanisms.latent import Latent
 from ambient_trainer.diagnosis.greybox.mechanisms.mass import HiddenMass
 from ambient_trainer.diagnosis.greybox.mechanisms.path import Path
-from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Clock, Drift, Gain, Lag, ReferenceLag, Stuck
+from ambient_trainer.diagnosis.greybox.mechanisms.sensor import (
+    Bias,
+    Clock,
+    Drift,
+    Gain,
+    Lag,
+    ReferenceBias,
+    ReferenceLag,
+    Stuck,
+)
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 
 from ...conftest import CIRCUITS
@@ -53,6 +62,7 @@ MECHANISMS = {
     "Stuck": Stuck(PLACE, (number(25.0),), None, 6000.0, 9000.0),
     "Clock": Clock((), (number(75.0),)),
     "ReferenceLag": ReferenceLag(("ambient",), (number(75.0),)),
+    "ReferenceBias": ReferenceBias(("ambient",), (number(2.0),)),
 }
 
 

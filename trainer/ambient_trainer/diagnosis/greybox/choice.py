@@ -74,9 +74,9 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
             return each
     passing = [each for each in ordered if gains(before, each, least_degC) and each.identified and _jumps(each)]
     physical = [each for each in passing if not each.mechanism.instrument]
-    # what a logged driver explains may lie within one fold
+    # what a logged driver explains may lie within one fold: then short stretches alone show it
     driven = [each for each in ordered if not each.mechanism.instrument and each.mechanism.driver is not None]
-    driven = [each for each in driven if each.rmse_degC < _HALF * before.held_out_rmse_degC]
+    driven = [each for each in driven if _halves(before, each)]
     sound = [*physical, *driven]
     # what acts for a while and is no finding says nothing against the reference
     lasting = [each for each in trials if not each.mechanism.instrument and each.lasting]
@@ -133,15 +133,30 @@ def _plainest(ordered: Sequence[Trial], least_degC: float) -> Trial:
 
 def _lasting(first: Trial, ordered: Sequence[Trial], driven: Sequence[Trial]) -> Trial:
     """The first, unless it acts for a while and what acts all the time does nearly as well by the same measure, or one
-    of ``driven`` acted at that time."""
+    of ``driven`` acted at that time: then that, or what acts all the time and does better than that."""
     if first.lasting:
         return first
     error = float(np.sqrt(first.fitted.combed.sum()))
-    logged = (each for each in driven if _answers_to(first, each))
+    if any(_answers_to(first, each) for each in driven):
+        lasting = (each for each in ordered if each.lasting)
+        logged = (each for each in driven if _answers_to(first, each))
+        return min((*logged, *lasting), key=_by_both)
     # what has changed since known-good records mostly did so while this one was logged
     most = (_HELD if first.fitted.records[0].known_good else _LASTING) * error
     alike = (each for each in ordered if each.lasting and np.sqrt(each.fitted.combed.sum()) < most)
-    return next(logged, next(alike, first))
+    return next(alike, first)
+
+
+def _halves(before: Fitted, trial: Trial) -> bool:
+    """Whether a trial leaves less than half of the error of folds, or of short stretches."""
+    by_comb = trial.fitted.combed.sum() < _HALF**2 * before.combed.sum()
+    return bool(by_comb or trial.rmse_degC < _HALF * before.held_out_rmse_degC)
+
+
+def _by_both(trial: Trial) -> float:
+    """By the errors of folds and of short stretches alike: where what drives it moved once, no fold foretells it."""
+    by_comb = float(np.log(trial.fitted.combed.sum())) / 2 + PENALTY * complexity(trial.mechanism)
+    return penalised(trial) + by_comb
 
 
 def _answers_to(window: Trial, logged: Trial) -> bool:

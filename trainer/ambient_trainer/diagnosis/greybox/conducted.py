@@ -33,7 +33,10 @@ def conducted(step: Step) -> list[Step]:
     if step.chosen is None or not _at_several(step.chosen.mechanism):
         return []
     heat, before = step.chosen.mechanism, step.before
-    paths = [each for each in path.distinct(Scene(before)) if set(each.ends) <= set(heat.places)]
+    scene = Scene(before)
+    if any(scene.has_a_heater(place, heat.driver) for place in heat.places):
+        return []
+    paths = [each for each in path.distinct(scene) if set(each.ends) <= set(heat.places)]
     given = len(before.model.mechanisms)
     heated = (_beside(before, before.model, heat.at_places([index])) for index in range(len(heat.places)))
     likely = sorted((each for each in heated if each is not None), key=_left)[:_ORIGINS]

@@ -89,6 +89,11 @@ class Mechanism:
         return False
 
     @property
+    def given(self) -> bool:
+        """Whether what drives it is a temperature that nothing else here drives."""
+        return False
+
+    @property
     def structural(self) -> bool:
         """Whether it is of how a device is built: known-good records would have shown it."""
         return False

@@ -175,9 +175,10 @@ def _two_steps(step: Step, first: Trial, second: Trial, rivals: Sequence[Trial])
 
 
 def _stores_or_heats(mechanism: Mechanism, unlogged: bool) -> bool:
-    """Whether it is heat by a driver, or ``unlogged`` by none, or a mass, all the time."""
+    """Whether it is heat by a driver, or ``unlogged`` by none, or from a temperature that is given, or a mass, all the
+    time."""
     heat = mechanism.cause == "heat_source" and (unlogged or mechanism.driver is not None)
-    return (heat or mechanism.cause == "thermal_mass") and mechanism.lasts
+    return (heat or mechanism.given or mechanism.cause == "thermal_mass") and mechanism.lasts
 
 
 def _constant(mechanism: Mechanism) -> bool:

@@ -222,6 +222,12 @@ class Scene:
             return False
         return text.endswith((*WARMING, "_A^2", "_V^2")) or not HEATERS.isdisjoint(words)
 
+    def has_a_heater(self, node: str, beside: Expression | None) -> bool:
+        """Whether a logged heater, or work, other than what ``beside`` is by, is named after a node."""
+        words, known = words_in(node), () if beside is None else beside.columns
+        others = [words_in(each) for each in self.columns if each not in known]
+        return any(words <= each and not WORK.isdisjoint(each - words) for each in others)
+
     @cached_property
     def ambient_zones(self) -> list[Expression]:
         """Thresholds of the ambient that part the records: at quartiles, and halfway between the extremes."""

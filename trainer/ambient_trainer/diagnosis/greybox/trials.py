@@ -12,9 +12,9 @@ from joblib import Parallel, delayed
 from threadpoolctl import ThreadpoolController
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism, Number
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit, fit_near
-from ambient_trainer.diagnosis.greybox.screening import Screened, columns_beside, ends_within
+from ambient_trainer.diagnosis.greybox.screening import BY_PLACE, Screened, columns_beside, ends_within
 from ambient_trainer.diagnosis.greybox.windows import best_window, sharpened
 from ambient_trainer.diagnosis.record import Record
 
@@ -84,16 +84,22 @@ def begins_apart(fitted: Fitted) -> bool:
 
 
 def identified(fitted: Fitted, index: int) -> bool:
-    """Whether an amount of a mechanism is surely not zero, of heat each, or its conductance is known within a factor of
-    a hundred."""
+    """Whether an amount of a mechanism is surely not zero, or its conductance is known within a factor of a hundred; of
+    heat and paths each."""
     mechanism = fitted.model.mechanisms[index]
     first = len(fitted.model.own) + sum(len(each.numbers) for each in fitted.model.mechanisms[:index])
     variance = np.diag(fitted.covariance)[first : first + len(mechanism.numbers)]
     deviations = np.sqrt(np.maximum(variance, 0.0))
-    amounts = [abs(n.z) > _SURELY * sd for n, sd in zip(mechanism.numbers, deviations) if not n.log]
-    if mechanism.cause == "heat_source":
-        return all(amounts)
-    return any(amounts) or (mechanism.numbers[0].log and bool(_SURELY * deviations[0] < np.log(_WITHIN)))
+    sure = [(_is_sure(n, sd), n.log) for n, sd in zip(mechanism.numbers, deviations)]
+    if mechanism.cause in BY_PLACE:
+        return all(each for each, _ in sure)
+    return any(each for each, log in sure if not log) or (mechanism.numbers[0].log and sure[0][0])
+
+
+def _is_sure(number: Number, deviation: float) -> bool:
+    if number.log:
+        return bool(_SURELY * deviation < np.log(_WITHIN))
+    return abs(number.z) > _SURELY * deviation
 
 
 def compared(before: Fitted, screened: Sequence[Screened], progress: Callable[[int, int], None]) -> list[Trial]:
@@ -109,7 +115,7 @@ def compared(before: Fitted, screened: Sequence[Screened], progress: Callable[[i
         if result is not None:
             trials.append(Trial.of(before, result))
     known = {each.mechanism.key for each in trials}
-    heating = [(each, less) for each in trials if (less := _where_it_heats(each)) and less.key not in known]
+    heating = [(each, less) for each in trials if (less := _where_it_acts(each)) and less.key not in known]
     fewer = [(before.model.with_mechanism(less), each.fitted) for each, less in heating]
     joined = _together(before, trials)
     trials += [Trial.of(before, each) for each in _side_by_side(_refit, [*fewer, *joined], _FEW) if each is not None]
@@ -183,13 +189,14 @@ def cheap(fitted: Fitted) -> bool:
     return not network.nonlinear or sum(record.samples for record in fitted.records) < _LOOPED
 
 
-def _where_it_heats(trial: Trial) -> Mechanism | None:
-    """Heat into several places without those whose amount is at a bound, or not surely one; None where all are."""
+def _where_it_acts(trial: Trial) -> Mechanism | None:
+    """Heat into several places, or several paths, without those whose amount is at a bound, or not surely one; None
+    where all are."""
     mechanism, numbers = trial.mechanism, trial.mechanism.numbers
-    if mechanism.cause != "heat_source" or len(mechanism.places) != len(numbers) or len(numbers) == 1:
+    if mechanism.cause not in BY_PLACE or len(mechanism.places) != len(numbers) or len(numbers) == 1:
         return None
     deviations = np.sqrt(np.maximum(np.diag(trial.fitted.covariance)[-len(numbers) :], 0.0))
-    sure = [n.z > n.range_z[0] and abs(n.z) > _SURELY * sd for n, sd in zip(numbers, deviations)]
+    sure = [n.z > n.range_z[0] and _is_sure(n, sd) for n, sd in zip(numbers, deviations)]
     kept = [index for index, each in enumerate(sure) if each]
     return mechanism.at_places(kept) if 0 < len(kept) < len(numbers) else None
 

@@ -1,8 +1,11 @@
-"""A path between two nodes that the circuit does not join, or from a node to a logged temperature: G, or g w(t)
+"""A path between two nodes that the circuit does not join, or from nodes to a logged temperature: G, or g w(t)
 where a logged flow w carries it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
 
 from ambient_trainer.circuits.addition import with_edge
 from ambient_trainer.circuits.circuit import Circuit, Node
@@ -22,9 +25,9 @@ _GIVEN = {"in", "inlet", "mains", "supply", "coolant", "chiller", "room"}
 
 @dataclass(frozen=True)
 class Path(Joined):
-    """A conductance between ``ends``, in proportion to its driver if it has one."""
+    """A conductance between two ``ends`` a place, in proportion to its driver if it has one."""
 
-    ends: tuple[str, str] = ("", "")
+    ends: tuple[str, ...] = ()
     logged: tuple[str, ...] = ()
     probe: float = _PROBES[0]
 
@@ -33,53 +36,85 @@ class Path(Joined):
     least = 0.03
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
-        one, other = self.ends
-        if other not in (*network.nodes, *network.boundaries):
-            network.add_boundary(other, record.signals[f"{other}_degC"])
-        constant = self.lasts and self.driver is None
-        network.link(one, other, values[:, 0], None if constant else self.weight(record))
+        weight = None if self.lasts and self.driver is None else self.weight(record)
+        for (one, other), conductance in zip(self.pairs, values.T):
+            if other not in (*network.nodes, *network.boundaries):
+                network.add_boundary(other, record.signals[f"{other}_degC"])
+            network.link(one, other, conductance, weight)
+
+    @property
+    def pairs(self) -> list[tuple[str, str]]:
+        """The two ends of each place."""
+        return list(zip(self.ends[::2], self.ends[1::2]))
 
     @property
     def responds(self) -> bool:
-        return f"{self.ends[1]}_degC" in self.logged and _GIVEN.isdisjoint(words_in(self.ends[1]))
+        return bool(self.logged) and not _is_given(self.ends[1])
+
+    @property
+    def given(self) -> bool:
+        return bool(self.logged) and not self.responds
+
+    def probes(self) -> Sequence[Sequence[float]]:
+        # of several the others are as good as absent
+        shares = np.where(np.eye(len(self.numbers), dtype=bool), self.probe, 1e-6 * self.probe)
+        return (shares * [each.value for each in self.numbers]).tolist()
+
+    def started(self, amounts: Sequence[float]) -> Mechanism | None:
+        shares = np.clip(self.probe * np.array(amounts), self.least, self.most)
+        return self.with_values((shares * [each.value for each in self.numbers]).tolist())
+
+    def at_places(self, kept: Sequence[int]) -> Mechanism:
+        ends = tuple(end for each in kept for end in self.pairs[each])
+        return Mechanism.at_places(replace(self, ends=ends), kept)
 
     def native(self, circuit: Circuit) -> Circuit | None:
-        one, other = self.ends
         if self.driver is not None:
             return None
-        if other not in {node.name for node in circuit.nodes}:
-            circuit = replace(circuit, nodes=(*circuit.nodes, Node(other, None, other)))
-        return with_edge(circuit, one, other, 1.0 / self.numbers[0].value)
+        for (one, other), number in zip(self.pairs, self.numbers):
+            if other not in {node.name for node in circuit.nodes}:
+                circuit = replace(circuit, nodes=(*circuit.nodes, Node(other, None, other)))
+            circuit = with_edge(circuit, one, other, 1.0 / number.value)
+        return circuit
 
     def meaning(self, number: Number) -> str:
-        return f"conductance between {self.ends[0]} and {self.ends[1]}"
+        one, other = self.pairs[self.numbers.index(number)]
+        return f"conductance between {one} and {other}"
+
+
+def _is_given(name: str) -> bool:
+    return not _GIVEN.isdisjoint(words_in(name))
 
 
 def candidates(scene: Scene) -> Iterator[Path]:
-    """Every pair of nodes that is not joined, and every node with every other logged temperature, by itself or carried
-    by a logged flow."""
+    """Every pair of nodes that is not joined, and every node with every other logged temperature, and all with one that
+    is given, by itself or carried by a logged flow."""
     for index, one in enumerate(scene.nodes):
         for other in scene.nodes[index + 1 :]:
             if not scene.joined(one, other):
-                yield from _paths(scene, (one, other))
-        for other in scene.other_temperatures:
-            for driver in [None, *scene.flows]:
-                if driver is not None or not scene.joined(one, other):
-                    yield from _paths(scene, (one, other), driver, logged=(f"{other}_degC",))
+                yield from _paths(scene, [(one, other)])
+    for other in scene.other_temperatures:
+        for driver in [None, *scene.flows]:
+            apart = [each for each in scene.nodes if driver is not None or not scene.joined(each, other)]
+            # what answers to a node may answer to them all
+            groups = scene.groups(apart) if _is_given(other) else [(each,) for each in apart]
+            for nodes in groups:
+                yield from _paths(scene, [(one, other) for one in nodes], driver, logged=(f"{other}_degC",))
 
 
 def _paths(
-    scene: Scene, ends: tuple[str, str], driver: Expression | None = None, logged: tuple[str, ...] = ()
+    scene: Scene, pairs: Sequence[tuple[str, str]], driver: Expression | None = None, logged: tuple[str, ...] = ()
 ) -> Iterator[Path]:
-    place, conductance = "-".join(ends), scene.conductance(ends[0])
     size, unit = (1.0, "W/K") if driver is None else (scene.size(driver), driver.per("W/K"))
-    number = Number(f"G_{ends[0]}_{ends[1]}", unit, conductance / size, log=True)
-    return (Path((place,), (number,), driver, ends=ends, logged=logged, probe=each) for each in _PROBES)
+    places, ends = tuple("-".join(each) for each in pairs), tuple(chain(*pairs))
+    numbers = tuple(Number(f"G_{one}_{other}", unit, scene.conductance(one) / size, log=True) for one, other in pairs)
+    return (Path(places, numbers, driver, ends=ends, logged=logged, probe=each) for each in _PROBES)
 
 
 def distinct(scene: Scene) -> list[Path]:
     """Each by itself once."""
-    return list({each.key: each for each in candidates(scene) if each.driver is None}.values())
+    alone = (each for each in candidates(scene) if each.driver is None and len(each.places) == 1)
+    return list({each.key: each for each in alone}.values())
 
 
 def begun(scene: Scene) -> Iterator[Mechanism]:

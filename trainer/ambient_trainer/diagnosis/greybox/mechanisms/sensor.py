@@ -98,11 +98,11 @@ class _OfReference(InProportion):
     def apply(self, network: Network, values: Array, record: Record) -> None:
         air = network.boundary(*(self.places or (AMBIENT,)))
         logged = network.boundary_degC[air]
-        apart = np.array([self.ambient(logged, each / record.period_s) for each in values[:, 0]]) - logged
+        apart = np.array([self.ambient(logged, each, record.period_s) for each in values[:, 0]]) - logged
         network.flows.append((np.arange(len(network.nodes)), network.loss[:, :, air, None] * apart[:, None]))
 
-    def ambient(self, logged: Array, late: float) -> Array:
-        """The ambient (N,) where the reference, which is ``late`` samples, has ``logged`` (N,)."""
+    def ambient(self, logged: Array, off: float, period_s: float) -> Array:
+        """The ambient (N,) where the reference, which is ``off`` by its number, has ``logged`` (N,)."""
         raise NotImplementedError
 
 
@@ -114,9 +114,9 @@ class Clock(_OfReference):
     noun = "a clock offset between the reference and the device"
     shaped = True
 
-    def ambient(self, logged: Array, late: float) -> Array:
+    def ambient(self, logged: Array, off: float, period_s: float) -> Array:
         place = np.arange(len(logged), dtype=float)
-        return np.interp(place + late, place, logged)
+        return np.interp(place + off / period_s, place, logged)
 
 
 @dataclass(frozen=True)
@@ -126,11 +126,28 @@ class ReferenceLag(_OfReference):
     cause = "sensor_lag"
     noun = "the lag of the reference"
 
-    def ambient(self, logged: Array, late: float) -> Array:
-        return np.asarray(logged + late * np.gradient(logged))
+    def ambient(self, logged: Array, off: float, period_s: float) -> Array:
+        return np.asarray(logged + off / period_s * np.gradient(logged))
 
     def meaning(self, number: Number) -> str:
         return "lag of the reference"
+
+
+@dataclass(frozen=True)
+class ReferenceBias(_OfReference):
+    """The reference reads too much: what heats or cools all nodes alike, as the sky does, is one with it."""
+
+    instrument = of_reference = False
+    cause = "sensor_bias"
+    noun = "an offset of the reference"
+    assumes = 1.0
+    doubtful = structural = True
+
+    def ambient(self, logged: Array, off: float, period_s: float) -> Array:
+        return logged - off
+
+    def meaning(self, number: Number) -> str:
+        return "offset of the reference"
 
 
 @dataclass(frozen=True)
@@ -195,3 +212,6 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
         yield Clock((), (Number("clock", "s", 0.0, scale=scene.period_s / 2, low=-limit, high=limit),))
         lag = Number("lag_ambient", "s", 0.0, scale=scene.period_s, low=0.0, high=3 * limit)
         yield ReferenceLag((AMBIENT,), (lag,))
+        # at one node alone constant heat, and its own sensor's offset, do the same
+        if sum(scene.loss(each) > 0 for each in scene.nodes) > 1:
+            yield ReferenceBias((AMBIENT,), (Number("bias_ambient", "degC", 0.0),))
