@@ -1,6 +1,7 @@
 """Heaters of two bodies: each at its own place, unless both follow one of them, or one body warms the other."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.greybox.choice import Limits, Step, choose
 from ambient_trainer.diagnosis.greybox.conducted import conducted
+from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms import heat
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.pairs import each_its_own
@@ -96,6 +98,13 @@ def test_a_body_with_a_heater_of_its_own_name_is_warmed_by_no_path(seed):
     others = {name: row for name, row in trace.columns.items() if name != "heater_frac"}
     named = replace(trace, columns={**others, "fast_heater_frac": shares, "slow_heater_frac": own})
     assert conducted(at_both(named, "fast_heater_frac")) == [], seed
+
+
+@pytest.mark.parametrize(("node", "has"), [("bed", True), ("room2", True), ("room3", False), ("lid", False)])
+def test_a_heater_is_named_after_its_body_and_number(node, has):
+    others = ["bed_heater_frac", "room1_heater_W", "room2_heater_W", "lid_heater_degC", "lid_open_frac"]
+    scene = SimpleNamespace(columns=others)
+    assert Scene.has_a_heater(scene, node, Expression("room1_heater_W")) == has
 
 
 def test_a_heater_that_was_on_once_for_a_moment_is_a_driver(circuit, seed):

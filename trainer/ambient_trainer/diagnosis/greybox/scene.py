@@ -224,9 +224,11 @@ class Scene:
 
     def has_a_heater(self, node: str, beside: Expression | None) -> bool:
         """Whether a logged heater, or work, other than what ``beside`` is by, is named after a node."""
-        words, known = words_in(node), () if beside is None else beside.columns
-        others = [words_in(each) for each in self.columns if each not in known]
-        return any(words <= each and not WORK.isdisjoint(each - words) for each in others)
+        words, known = set(node.lower().split("_")), () if beside is None else beside.columns
+        others = (each for each in self.columns if each not in known and not each.endswith("_degC"))
+        # by its number, too: another room's heater is none of this one's
+        named = (each for each in others if words <= set(each.lower().split("_")))
+        return any(not WORK.isdisjoint(words_in(each) - words_in(node)) for each in named)
 
     @cached_property
     def ambient_zones(self) -> list[Expression]:
