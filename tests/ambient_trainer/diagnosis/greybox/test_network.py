@@ -93,6 +93,13 @@ def test_a_place_that_the_circuit_lacks_is_refused(circuit, name):
         greybox_of(replace(circuit, mechanisms=(lost,)))
 
 
+@pytest.mark.parametrize("ends", [(), ("board",), ("board", "wall", "board", "wall")])
+def test_a_path_with_other_ends_than_places_is_refused(circuit, ends):
+    lost = addition_of(replace(MECHANISMS["Path"], ends=ends))
+    with pytest.raises(Refused, match="Path cannot act"):
+        greybox_of(replace(circuit, mechanisms=(lost,)))
+
+
 @pytest.mark.parametrize("name", ["HiddenMass", "ZoneLoss"])
 def test_lanes_that_are_simulated_in_parts_are_the_same(circuit, simulated, recorded, name, monkeypatch):
     (record,) = recorded(simulated(6))

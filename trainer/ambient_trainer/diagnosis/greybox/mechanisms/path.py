@@ -37,7 +37,7 @@ class Path(Joined):
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = None if self.lasts and self.driver is None else self.weight(record)
-        for (one, other), conductance in zip(self.pairs, values.T):
+        for (one, other), conductance in zip(self.pairs, values.T, strict=True):
             if other not in (*network.nodes, *network.boundaries):
                 network.add_boundary(other, record.signals[f"{other}_degC"])
             network.link(one, other, conductance, weight)
