@@ -25,7 +25,8 @@ THESIS = (*LINEAR, *STATES, "model2_ss_single_input")
 
 
 def test_the_example_of_the_documentation_loads():
-    circuit = parse_circuit(EXAMPLE, "example")
+    circuit = parse_circuit(EXAMPLE.replace("name: two_nodes", "name: two-nodes"), "example")
+    assert parse_circuit(write_circuit(circuit), "again").name == "two-nodes"
     assert circuit.nodes == (Node("board", "C_board", "board"), Node("chip", None, "chip"))
     assert circuit.edges == (Edge(("chip", "board"), "R_chip_board"), Edge(("board", "ambient"), "R_board_ambient"))
     assert circuit.outputs == (Output("ambient", None, {"board_degC": "w"}, None),)
