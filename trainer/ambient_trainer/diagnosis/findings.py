@@ -241,8 +241,8 @@ def _needed(final: Fitted, index: int) -> float:
 def _or_physics(trial: Trial) -> tuple[Cause, ...]:
     """What reads the same as one sensor's drift or lag: heat that grows with time, where its node exchanges heat with
     no other sensor's, and a body of the heater's own, where something logged heats the node. As a reference that is
-    late where the ambient repeats itself: heat by day that nothing logged shows. As a body, where nothing logged
-    moves: a loss that bends, and the other way round."""
+    off: constant heat at all nodes; that is late where the ambient repeats itself: heat by day that nothing logged
+    shows. As a body, where nothing logged moves: a loss that bends, and the other way round."""
     cause, fitted = trial.mechanism.cause, trial.fitted
     if cause in _CURVES and trial.mechanism.driver is None and not any(map(_moves, fitted.records)):
         return tuple(Cause(each, trial.mechanism.places[0], None) for each in _CURVES if each != cause)

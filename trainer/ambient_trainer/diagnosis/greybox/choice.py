@@ -136,15 +136,13 @@ def _lasting(first: Trial, ordered: Sequence[Trial], driven: Sequence[Trial]) ->
     of ``driven`` acted at that time: then that, or what acts all the time and does better than that."""
     if first.lasting:
         return first
-    error = float(np.sqrt(first.fitted.combed.sum()))
-    if any(_answers_to(first, each) for each in driven):
-        lasting = (each for each in ordered if each.lasting)
-        logged = (each for each in driven if _answers_to(first, each))
+    lasting = [each for each in ordered if each.lasting]
+    if logged := [each for each in driven if _answers_to(first, each)]:
         return min((*logged, *lasting), key=_by_both)
+    error = float(np.sqrt(first.fitted.combed.sum()))
     # what has changed since known-good records mostly did so while this one was logged
     most = (_HELD if first.fitted.records[0].known_good else _LASTING) * error
-    alike = (each for each in ordered if each.lasting and np.sqrt(each.fitted.combed.sum()) < most)
-    return next(alike, first)
+    return next((each for each in lasting if np.sqrt(each.fitted.combed.sum()) < most), first)
 
 
 def _halves(before: Fitted, trial: Trial) -> bool:

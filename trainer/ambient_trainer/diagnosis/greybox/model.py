@@ -122,6 +122,8 @@ class Mechanism:
     """Whether what has begun may end: a drift that stops is a step."""
     adds_nodes = False
     """It comes before what acts on nodes."""
+    by_place = False
+    """It has an amount of its own at each of several places."""
     of_reference = False
     """Whether it is the instrument of the ambient: it shows at all sensors."""
     sudden = False

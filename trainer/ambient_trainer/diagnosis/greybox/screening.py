@@ -21,8 +21,6 @@ from ambient_trainer.diagnosis.record import Record
 
 _MECHANISMS = f"{__package__}.mechanisms"
 _SHORTLIST, _DRIVERS, _STARTS = 6, 10, 4
-BY_PLACE = ("heat_source", "path")
-"""Causes that have an amount of their own at each of several places."""
 _RUN_AWAY = 1e100
 """What is larger has no square."""
 Offered = Callable[[Scene, Columns], Iterator[Mechanism]]
@@ -171,7 +169,7 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
         windowed = ends_within(each.mechanism)
         numbers = len(each.mechanism.numbers) * each.mechanism.shaped
         # what has changed on a device that known-good records show is at one place
-        several = len(each.mechanism.places) > 1 and cause in BY_PLACE and not each.point.records[0].known_good
+        several = len(each.mechanism.places) > 1 and each.mechanism.by_place and not each.point.records[0].known_good
         kinds: list[tuple[str, object]] = [
             ("cause", (sum(windowed), type(each.mechanism), driver == "", numbers, several))
         ]

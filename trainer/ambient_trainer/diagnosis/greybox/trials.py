@@ -14,7 +14,7 @@ from threadpoolctl import ThreadpoolController
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism, Number
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit, fit_near
-from ambient_trainer.diagnosis.greybox.screening import BY_PLACE, Screened, columns_beside, ends_within
+from ambient_trainer.diagnosis.greybox.screening import Screened, columns_beside, ends_within
 from ambient_trainer.diagnosis.greybox.windows import best_window, sharpened
 from ambient_trainer.diagnosis.record import Record
 
@@ -90,10 +90,11 @@ def identified(fitted: Fitted, index: int) -> bool:
     first = len(fitted.model.own) + sum(len(each.numbers) for each in fitted.model.mechanisms[:index])
     variance = np.diag(fitted.covariance)[first : first + len(mechanism.numbers)]
     deviations = np.sqrt(np.maximum(variance, 0.0))
-    sure = [(_is_sure(n, sd), n.log) for n, sd in zip(mechanism.numbers, deviations)]
-    if mechanism.cause in BY_PLACE:
-        return all(each for each, _ in sure)
-    return any(each for each, log in sure if not log) or (mechanism.numbers[0].log and sure[0][0])
+    sure = [_is_sure(*each) for each in zip(mechanism.numbers, deviations)]
+    if mechanism.by_place:
+        return all(sure)
+    amounts = [each for each, number in zip(sure, mechanism.numbers) if not number.log]
+    return any(amounts) or (mechanism.numbers[0].log and sure[0])
 
 
 def _is_sure(number: Number, deviation: float) -> bool:
@@ -193,7 +194,7 @@ def _where_it_acts(trial: Trial) -> Mechanism | None:
     """Heat into several places, or several paths, without those whose amount is at a bound, or not surely one; None
     where all are."""
     mechanism, numbers = trial.mechanism, trial.mechanism.numbers
-    if mechanism.cause not in BY_PLACE or len(mechanism.places) != len(numbers) or len(numbers) == 1:
+    if not mechanism.by_place or len(mechanism.places) != len(numbers) or len(numbers) == 1:
         return None
     deviations = np.sqrt(np.maximum(np.diag(trial.fitted.covariance)[-len(numbers) :], 0.0))
     sure = [n.z > n.range_z[0] and _is_sure(n, sd) for n, sd in zip(numbers, deviations)]

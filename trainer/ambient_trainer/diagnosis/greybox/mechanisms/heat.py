@@ -35,7 +35,7 @@ class Heat(InProportion):
 
     cause = "heat_source"
     noun = "heat that the circuit does not know"
-    from_nothing = True
+    from_nothing = by_place = True
 
     @property
     def assumes(self) -> float:

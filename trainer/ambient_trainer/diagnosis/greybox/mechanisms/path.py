@@ -34,6 +34,7 @@ class Path(Joined):
     cause = "path"
     noun = "a conduction path that the circuit lacks"
     least = 0.03
+    by_place = True
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = None if self.lasts and self.driver is None else self.weight(record)

@@ -93,8 +93,6 @@ class Lag(_Fault):
 class _OfReference(InProportion):
     """The ambient is another than its reference says."""
 
-    instrument = of_reference = True
-
     def apply(self, network: Network, values: Array, record: Record) -> None:
         air = network.boundary(*(self.places or (AMBIENT,)))
         logged = network.boundary_degC[air]
@@ -112,7 +110,7 @@ class Clock(_OfReference):
 
     cause = "clock_offset"
     noun = "a clock offset between the reference and the device"
-    shaped = True
+    instrument = of_reference = shaped = True
 
     def ambient(self, logged: Array, off: float, period_s: float) -> Array:
         place = np.arange(len(logged), dtype=float)
@@ -125,6 +123,7 @@ class ReferenceLag(_OfReference):
 
     cause = "sensor_lag"
     noun = "the lag of the reference"
+    instrument = of_reference = True
 
     def ambient(self, logged: Array, off: float, period_s: float) -> Array:
         return np.asarray(logged + off / period_s * np.gradient(logged))
@@ -137,7 +136,6 @@ class ReferenceLag(_OfReference):
 class ReferenceBias(_OfReference):
     """The reference reads too much: what heats or cools all nodes alike, as the sky does, is one with it."""
 
-    instrument = of_reference = False
     cause = "sensor_bias"
     noun = "an offset of the reference"
     assumes = 1.0
