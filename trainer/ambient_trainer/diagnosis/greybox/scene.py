@@ -31,7 +31,7 @@ _LEVELS, _SHORTEST_DELAY, _LONGEST_DELAY, _LONGEST_DELAY_S = 10, 6.0, 0.08, 3600
 """Samples, of the record, and what a pipe or a duct may take: a day's cycle delayed by hours is a mass."""
 WARMING = ("_W", "_kW", "_W_m2", "_kW_m2")
 THERMOELECTRIC = {"peltier", "tec"}
-_COOLERS = {"aircon", "chiller", "compressor", "cooler", "cooling", "fridge", *THERMOELECTRIC}
+_COOLERS = {"ac", "aircon", "chiller", "compressor", "cooler", "cooling", "freezer", "fridge", "hvac", *THERMOELECTRIC}
 """Words in the name of what takes heat away by the power that it uses, or, a Peltier element, by its current."""
 HEATERS = {"heater", "burner", "boiler", "lamp"}
 WORK = {*HEATERS, "load", "cpu", "gpu", "usage", "duty", "pwm"}
