@@ -1,7 +1,8 @@
 """A temperature of an iio device, as on a Sense HAT or Enviro+, identified by the device's name and its channel.
 
 The kernel gives it in millidegrees as ``CHANNEL_input``, or as ``CHANNEL_raw`` with ``CHANNEL_offset`` and
-``CHANNEL_scale`` beside it (Documentation/ABI/testing/sysfs-bus-iio).
+``CHANNEL_scale`` beside it, or ``in_temp_offset`` and ``in_temp_scale`` for all of the device's temperatures
+(Documentation/ABI/testing/sysfs-bus-iio).
 """
 
 import os
@@ -45,7 +46,7 @@ class Iio(NamedTuple):
         offset, scale = 0.0, 1.0
         if path.endswith("_raw"):
             stem = path.removesuffix("raw")
-            offset, scale = _number(f"{stem}offset", 0), _number(f"{stem}scale", 1)
+            offset, scale = _number(stem, "offset", 0), _number(stem, "scale", 1)
         return lambda content: degC_from_raw(content, offset, scale)
 
     def hint(self, settings: "Settings") -> str:
@@ -84,9 +85,10 @@ def _names(folder: str) -> list[str]:
         return []  # it goes away while it is looked at
 
 
-def _number(path: str, usual: float) -> float:
-    """What the attribute at ``path`` holds; ``usual`` where it is not there, as the kernel's documentation says."""
+def _number(stem: str, name: str, usual: float) -> float:
+    """The channel's own attribute of that name, or the one that the device's temperatures share; ``usual`` for none."""
+    shared = os.path.join(os.path.dirname(stem), f"in_temp_{name}")
     try:
-        return float(first_line(path) or usual)
+        return float(first_line(stem + name) or first_line(shared) or usual)
     except ValueError:
         return float("nan")  # which makes each value missing
