@@ -66,6 +66,8 @@ _FAR = 2.0
 _LONGEST_TURN = 2.0
 """After more than so many times ``ReadingModel.jump_s`` no change of a difference is judged."""
 _MOST_EXPECTATIONS = 512
+_MOST_SETS = 256
+"""Ten sensors have no more of any size."""
 SENTINELS_DEGC = (-273.15, -127.0, -40.0, 0.0, 85.0, 125.0, 127.0, 255.0)
 """What drivers and sensors report where they have no value: a stricter gate."""
 
@@ -528,10 +530,19 @@ class Validation:
         return [i for _, i in sorted(beyond)[-1:]]
 
     def _inconsistent(self, z: list[float], present: Sequence[int]) -> Sensors:
-        """The smallest set of sensors without which the others lie within their gates and ``_START_K``."""
+        """The smallest set of sensors without which the others lie within their gates and ``_START_K``.
+
+        Where there are more than ``_MOST_SETS`` of a size, the best of the size before grows by each other sensor.
+        """
+        best = _NONE
         for size in range(max(len(present) - 1, 1)):
-            sets = [frozenset(each) for each in itertools.combinations(present, size)]
-            for _, sensors in sorted(zip(self._evidence(z, sets), sets), key=_first, reverse=True):
+            if math.comb(len(present), size) <= _MOST_SETS:
+                sets = [frozenset(each) for each in itertools.combinations(present, size)]
+            else:
+                sets = [best | {i} for i in present if i not in best]
+            ranked = sorted(zip(self._evidence(z, sets), sets), key=_first, reverse=True)
+            best = ranked[0][1]
+            for _, sensors in ranked:
                 apart = self._apart | sensors
                 kept = [i for i in present if i not in sensors]
                 if all(self._begins_right(apart, i, z) for i in kept):

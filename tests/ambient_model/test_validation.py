@@ -18,7 +18,7 @@ LIMITS = SensorLimits(step=0.1, jump=1.0, gate=0.6, slow_gate=0.3, still_s=60.0,
 
 def precision_of(own: np.ndarray) -> Matrix:
     """Of readings and low-pass filters that follow one common temperature, each with noise of covariance ``own``."""
-    precision = np.linalg.inv(100 * np.ones((8, 8)) + own + 0.01 * np.eye(8))
+    precision = np.linalg.inv(100 * np.ones(own.shape) + own + 0.01 * np.eye(len(own)))
     return tuple(map(tuple, ((precision + precision.T) / 2).tolist()))
 
 
@@ -293,6 +293,22 @@ def test_a_snapshot_continues_alike(model: Model, observer: Observer) -> None:
     assert found[0].used == pytest.approx(found[1].used, abs=0.05)
     assert lie.status == found[0].status == found[1].status == "degraded"
     assert not Observer(model._replace(readings=None), other.tracker).fits(main, background)
+
+
+def test_many_sensors_of_which_many_are_wrong_start_in_time(model: Model, monkeypatch) -> None:
+    many, tried = 16, []
+    evidence = Validation._evidence
+    monkeypatch.setattr(Validation, "_evidence", lambda *of: tried.extend(of[2]) or evidence(*of))
+    readings = model.readings._replace(
+        mean=(25.0,) * 2 * many, precision=precision_of(np.zeros((2 * many,) * 2)), sensors=(LIMITS,) * many
+    )
+    inputs = tuple(model.main.inputs[0]._replace(name=str(i)) for i in range(many))
+    discrete = model.main.discrete[0]._replace(D=((1 / many,) * many,))
+    validation = Validation(readings, model.main._replace(inputs=inputs, discrete=(discrete,)), 1.0)
+    wrong = {2: 90.0, 3: 47.0, 7: -12.0, 8: 60.0, 11: 5.0, 15: 71.0}
+    validation.update(0.0, [wrong.get(i, 25.0) for i in range(many)])
+    assert set(validation.refused) == set(wrong)
+    assert len(tried) < 1000
 
 
 @pytest.mark.parametrize("value", [0.0, 85.0])
