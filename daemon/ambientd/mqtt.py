@@ -11,6 +11,7 @@ import argparse
 import importlib
 import json
 import os
+import re
 import sys
 from typing import Any
 
@@ -50,13 +51,21 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--tls", action="store_true", help="with the system's certificates")
     parser.add_argument("--user")
     parser.add_argument("--password-file", metavar="FILE", help="its first line is the password")
-    parser.add_argument("--topic", default="ambientd")
-    parser.add_argument("--device", default=os.uname().nodename, help="its name in topics (default: the host's)")
+    parser.add_argument("--topic", type=_topic, default="ambientd")
+    parser.add_argument(
+        "--device", type=_topic, default=os.uname().nodename, help="its name in topics (default: the host's)"
+    )
     parser.add_argument("--discovery", default="homeassistant", help="Home Assistant's prefix; empty for none")
     parser.add_argument(
         "--stale-after", metavar="S", type=float, default=15.0, help="offline without a reading for S s"
     )
     return parser
+
+
+def _topic(text: str) -> str:
+    if not text or not text.isprintable() or "+" in text or "#" in text:
+        raise argparse.ArgumentTypeError(f"{text!r} may not stand in a topic")
+    return text
 
 
 def discovery(topic: str, device: str, prefix: str) -> dict[str, dict[str, Any]]:
@@ -67,6 +76,9 @@ def discovery(topic: str, device: str, prefix: str) -> dict[str, dict[str, Any]]
         "manufacturer": "ambientd",
         "sw_version": __version__,
     }
+    object_id = re.sub(
+        "[^a-zA-Z0-9_-]", "_", device
+    )  # it passes over a topic with anything else, as a host's full name
     there = {"topic": f"{topic}/availability"}
     known = {"topic": f"{topic}/state", "value_template": _KNOWN}
     celsius: dict[str, Any] = {"unit_of_measurement": "°C", "device_class": "temperature", "state_class": "measurement"}
@@ -75,7 +87,7 @@ def discovery(topic: str, device: str, prefix: str) -> dict[str, dict[str, Any]]
         "status": ("status", [there], {"entity_category": "diagnostic", "icon": "mdi:heart-pulse"}),
     }
     return {
-        f"{prefix}/sensor/{device}_{name}/config": {
+        f"{prefix}/sensor/{object_id}_{name}/config": {
             "name": name.capitalize(),
             "unique_id": f"ambientd_{device}_{name}",
             "state_topic": f"{topic}/state",

@@ -9,8 +9,9 @@ import time
 
 import pytest
 
-AVAILABLE, STATE = "ambientd/phone/availability", "ambientd/phone/state"
-CONFIGS = [f"homeassistant/sensor/phone_{name}/config" for name in ("ambient", "status")]
+AVAILABLE, STATE = "ambientd/phone.lan/availability", "ambientd/phone.lan/state"
+# Home Assistant passes over a topic with a dot
+CONFIGS = [f"homeassistant/sensor/phone_lan_{name}/config" for name in ("ambient", "status")]
 
 
 @pytest.fixture
@@ -61,7 +62,7 @@ def test_it_follows_the_daemon_over_restarts_of_either_side(
 ):
     path = str(phone.parent / "s")
     run = deployed("run", "--model", model_file, "--sysfs-root", phone, "--rate", "10", "--publish", f"socket:{path}")
-    call = [sys.executable, "-m", "ambientd.mqtt", path, "--device", "phone", "--stale-after", "2"]
+    call = [sys.executable, "-m", "ambientd.mqtt", path, "--device", "phone.lan", "--stale-after", "2"]
     call += ["--port", str(broker.number)]
 
     def ambient():
@@ -98,3 +99,9 @@ def test_it_follows_the_daemon_over_restarts_of_either_side(
     assert retained()[AVAILABLE] == "online"
     bridge.kill()
     until(lambda: retained().get(AVAILABLE) == "offline", "the last will is not heard")
+
+
+def test_a_name_that_no_topic_may_hold_is_a_wrong_call():
+    call = [sys.executable, "-m", "ambientd.mqtt", "s", "--device", "phone#2"]
+    ended = subprocess.run(call, capture_output=True, text=True, timeout=20)
+    assert (ended.returncode, "'phone#2'" in ended.stderr) == (2, True)
