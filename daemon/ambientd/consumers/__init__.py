@@ -25,6 +25,8 @@ class Reading(NamedTuple):
     shuts_down_from_millidegC: int | None = None
     missing: str = ""
     """What it makes of a missing file, where it acts on values."""
+    is_named: bool = True
+    """Whether its configuration names this very file, which then must be published."""
 
 
 def followed(specs: tuple[Spec, ...], root: str = "/") -> tuple[list[str], list[Fault]]:
@@ -39,7 +41,7 @@ def followed(specs: tuple[Spec, ...], root: str = "/") -> tuple[list[str], list[
             if spec is not None:
                 found.append(f"{name} reads {spec} as user {reading.user}{_after_a_fault(spec, reading)}")
                 faults += [Fault(place, *wrong) for wrong in (*_unreadable(reading), *_unsafe(spec, reading))]
-            elif os.path.dirname(os.path.realpath(reading.path)) in folders:
+            elif reading.is_named and os.path.dirname(os.path.realpath(reading.path)) in folders:
                 hint = "publish there, or correct its configuration"
                 faults.append(Fault(place, f"reads {reading.path}, where nothing is published", hint))
     return found, faults

@@ -8,10 +8,11 @@ _FOLDER = "var/lib/prometheus/node-exporter"
 
 
 def reads(root: str) -> list[Reading]:
-    """Each text file there."""
+    """Each text file there; only a link is of a configuration, the others are of any program."""
     folder = os.path.join(root, _FOLDER)
     try:
         names = sorted(os.listdir(folder))
     except OSError:
         return []
-    return [Reading(os.path.join(folder, name), "prometheus") for name in names if name.endswith(".prom")]
+    paths = [os.path.join(folder, name) for name in names if name.endswith(".prom")]
+    return [Reading(path, "prometheus", is_named=os.path.islink(path)) for path in paths]
