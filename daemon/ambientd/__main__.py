@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 from ambientd import lean
@@ -17,6 +18,11 @@ if TYPE_CHECKING:
 def main() -> int:
     """Run the command line; returns its exit status."""
     arguments = sys.argv[1:]
+    # what was closed of input, output and error would become the next file's number, and take the log
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(descriptor)
+    sys.stdout, sys.stderr = sys.stdout or os.fdopen(1, "w"), sys.stderr or os.fdopen(2, "w")
     if hasattr(sys.stdout, "reconfigure"):  # a name may hold letters that this locale does not know
         sys.stdout.reconfigure(errors="backslashreplace")
     if arguments[:1] == ["run"] and not any([each.startswith("--re") for each in arguments]):  # --replay

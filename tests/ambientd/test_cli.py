@@ -1,5 +1,6 @@
 """Calls: what is wrong with one ends with status 2 or 1 and a message, never with a traceback."""
 
+import os
 import sys
 
 import pytest
@@ -42,3 +43,11 @@ def test_help_is_there(ambientd, command):
 
 def test_a_reader_that_has_enough_leaves_no_traceback(model_file):
     assert ran("/bin/sh", "-c", f"{sys.executable} -m ambientd check --model {model_file} | true").stderr == ""
+
+
+def test_what_was_closed_of_input_output_and_error_becomes_no_other_file(model_file, spawn, on_phone, until, path):
+    call = ["/bin/sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh", sys.executable, "-m", "ambientd"]
+    ran(*call, "check", "--model", model_file)
+    closed = spawn([*call, *on_phone(f"status:{path}")])
+    until(lambda: os.path.exists(path), "it does not run")
+    assert {os.readlink(f"/proc/{closed.pid}/fd/{number}") for number in range(3)} == {os.devnull}
