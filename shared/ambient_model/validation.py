@@ -69,7 +69,8 @@ _MOST_EXPECTATIONS = 512
 _MOST_SETS = 256
 """Ten sensors have no more of any size."""
 SENTINELS_DEGC = (-273.15, -127.0, -40.0, 0.0, 85.0, 125.0, 127.0, 255.0)
-"""What drivers and sensors report where they have no value: a stricter gate."""
+"""What drivers and sensors report where they have no value: a stricter gate for what jumps there."""
+_PASSING_K, _PASSING_STEPS = 1.0, 5
 
 Sensors = frozenset[int]
 """Some inputs, by their number."""
@@ -475,7 +476,7 @@ class Validation:
             constant, weights, gate, slow_gate, release, _ = expectation
             d = value - constant - dot(weights, z)
             if not -release <= d <= release:
-                if value in self.sentinels[i] and self._still[i][1] != value:
+                if value in self.sentinels[i] and self._still[i][1] != value and not self._passes(i, value):
                     jumped.append(i)
                 if not -gate <= d <= gate:
                     doubt_degC2 = max(doubt_degC2, (self.gains[i] * d) ** 2)
@@ -496,6 +497,11 @@ class Validation:
         if self._count > 2 and len({*jumped}) > self._count / 2:
             jumped = []
         return [*{*jumped, *returned}]
+
+    def _passes(self, i: int, value: float) -> bool:
+        """Whether it moved so little that it may well be on its way from below to above, or back."""
+        step = max(self._steps[i], self._model.sensors[i].step)
+        return abs(value - self._used[i]) <= max(_PASSING_K, _PASSING_STEPS * step)
 
     def _has_jumped(self, i: int, value: float, difference: float, passed_s: float) -> bool:
         """Whether it moved further than it can, and away from its expectation."""

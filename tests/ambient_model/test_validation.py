@@ -231,12 +231,16 @@ def test_a_lie_that_stays_is_never_used_again(observer: Observer, change) -> Non
         assert list(observer.validation.refused) == [0]
 
 
-def test_heat_that_training_lacks_is_doubted_and_used(observer: Observer) -> None:
-    """No faster than it can: the reading may be right."""
-    fed(observer, 200)
-    heated = fed(observer, 300, lambda k, u: [u[0] + 0.02 * (k - 200), *u[1:]], start=200)
+@pytest.mark.parametrize("below", [0.0, 26.0])
+def test_heat_that_training_lacks_is_doubted_and_used(observer: Observer, below: float) -> None:
+    """No faster than it can: the reading may be right, also on its way through 0.0 degC, a driver's for none."""
+
+    def change(k, u):
+        return [round(x - below + max(0, k - 200) / 50 * (not i), 1) for i, x in enumerate(u)]
+
+    heated = fed(observer, 500, change)
     assert heated[-1].status == "degraded"
-    assert heated[-1].used[0] == pytest.approx(readings_at(499)[0] + 0.02 * 299)
+    assert heated[-1].used[0] == pytest.approx(readings_at(499)[0] - below + 0.02 * 299, abs=0.06)
     assert heated[-1].high_degC - heated[-1].low_degC > 2 * 0.25 * 6.0
 
 
