@@ -14,15 +14,15 @@ has a gate, and so has d low-pass filtered. Beyond one of them the readings are 
 training lacks does the same, but the estimate is degraded and its variance grows by the square of d times the DC gain.
 So is a reading that stands still while its expectation moves by half its gate.
 Refused is what no heat does: a reading that jumps away from its expectation, whose difference turns while the others
-hardly move, that stands still to the last bit while its expectation given the moving others goes on, that comes back
-beyond its gate, or that at the start lies far outside it and outside what any start of the training had. It is replaced
-by its expectation plus the difference that it had before, which is forgotten with time, and accepted again once it has
-changed and has agreed with its expectation for 10 s or periods, and for twice as long each time that it is refused
-again, or once it has been within its gate for 10 minutes. A start waits for every sensor for as long as a reading is
-held. Readings in coarser steps than in training widen the interval, and the estimate is degraded where their rounding
-adds more to its error variance than training left. What is missing for a short while moves as the others and its own
-past predict: of z its reading alone is unknown then. Time comes in as an argument; a sample less than half a period
-early or late counts as one that is due.
+hardly move, that stands still to the last bit while its expectation given the moving others goes on, or that at the
+start lies far outside it and outside what any start of the training had. It is replaced by its expectation plus the
+difference that it had before, which is forgotten with time, and accepted again once it has changed and has agreed with
+its expectation for 10 s or periods, and for twice as long each time that it is refused again, or once it has been
+within its gate for 10 minutes. A start waits for every sensor for as long as a reading is held. Readings in coarser
+steps than in training widen the interval, and the estimate is degraded where their rounding adds more to its error
+variance than training left. What is missing for a short while moves as the others and its own past predict: of z its
+reading alone is unknown then. Time comes in as an argument; a sample less than half a period early or late counts as
+one that is due.
 """
 
 import itertools
@@ -174,6 +174,8 @@ class Validation:
         """Difference of each at its last accepted reading."""
         self._away_s = [0.0] * count
         """How long each has had no reading."""
+        self._unread_s = 0.0
+        """How long none had one."""
         self._still: list[tuple[float, float, list[float]]] = []
         """Since when each reads the same, the reading, and z at that time."""
         self._z: list[float] = []
@@ -260,7 +262,10 @@ class Validation:
         if any(self._steps):
             self._learn_steps(readings)
         z = self._with_lows(readings, passed_s)
-        jumped = self._doubted(readings, z, passed_s)
+        self._unread_s += passed_s
+        jumped = self._doubted(readings, z, self._unread_s)
+        if readings.count(None) < self._count:
+            self._unread_s = 0.0
         if jumped:
             self._refuse(jumped, readings)
             for i in jumped:
@@ -416,6 +421,7 @@ class Validation:
         self._learn_steps(readings)
         self._forget()
         self._set_passed(0.0)
+        self._unread_s = 0.0
         self._apart = _NONE
         self._set_apart(frozenset([*refused, *[i for i, value in enumerate(readings) if value is None]]))
         z = [self._model.mean[i] if value is None else value for i, value in enumerate(readings)]
@@ -466,8 +472,11 @@ class Validation:
         return used + self._lows
 
     def _doubted(self, readings: Sequence[float | None], z: list[float], passed_s: float) -> list[int]:
-        """Note how far the readings lie beyond their gates; return those that can't be right."""
-        jumped, returned = [], []
+        """Note how far the readings lie beyond their gates; return those that can't be right.
+
+        ``passed_s`` is the time since there was any reading.
+        """
+        jumped = []
         doubt_degC2 = 0.0
         has_turned = False
         for i, (value, expectation) in enumerate(zip(readings, self._expectations())):
@@ -480,8 +489,6 @@ class Validation:
                     jumped.append(i)
                 if not -gate <= d <= gate:
                     doubt_degC2 = max(doubt_degC2, (self.gains[i] * d) ** 2)
-                    if i in self._apart:
-                        returned.append(i)
             if self._has_jumped(i, value, d, passed_s):
                 jumped.append(i)
             has_turned = has_turned or 0 < self._model.sensors[i].turn < abs(d - self._last[i])
@@ -495,8 +502,8 @@ class Validation:
             jumped = self._turned(z, passed_s)
         # more than half at once are no fault of a sensor
         if self._count > 2 and len({*jumped}) > self._count / 2:
-            jumped = []
-        return [*{*jumped, *returned}]
+            return []
+        return jumped
 
     def _passes(self, i: int, value: float) -> bool:
         """Whether it moved so little that it may well be on its way from below to above, or back."""
@@ -509,7 +516,7 @@ class Validation:
         moved = abs(value - self._used[i]) - 2 * self._steps[i]
         if moved <= limits.jump:
             return False
-        reach = limits.jump * math.sqrt(max(passed_s / self._model.jump_s, 1.0))
+        reach = limits.jump * max(passed_s / self._model.jump_s, 1.0)
         # two that jump together are expected to be where they are
         return moved > reach * (1 if abs(difference) > abs(self._last[i]) else _FAR)
 

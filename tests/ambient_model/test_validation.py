@@ -244,6 +244,15 @@ def test_heat_that_training_lacks_is_doubted_and_used(observer: Observer, below:
     assert heated[-1].high_degC - heated[-1].low_degC > 2 * 0.25 * 6.0
 
 
+def test_what_moved_while_no_reading_was_there_has_not_jumped(observer: Observer) -> None:
+    fed(observer, 200)
+    fed(observer, 40, lambda k, u: [None] * 4, start=200)
+    fed(observer, 1, lambda k, u: [u[0] + 1.5, *(x + 0.3 for x in u[1:])], start=240)
+    assert not observer.validation.refused
+    fed(observer, 1, lambda k, u: [u[0] + 3.0, *(x + 0.3 for x in u[1:])], start=241)
+    assert list(observer.validation.refused) == [0]
+
+
 @pytest.mark.parametrize(("missing", "moves"), [((0,), True), ((0, 1), True), ((0, 1, 2), False)])
 def test_a_missing_reading_moves_with_those_that_are_there(model: Model, missing, moves) -> None:
     """Unless they are too few: then it keeps its last value, and is doubted."""
