@@ -17,7 +17,7 @@ Refused is what no heat does: a reading that jumps away from its expectation, wh
 hardly move, that stands still to the last bit while its expectation given the moving others goes on, or that at the
 start lies far outside it and outside what any start of the training had. It is replaced by its expectation plus the
 difference that it had before, which is forgotten with time, and accepted again once it has changed and has agreed with
-its expectation for 10 s or periods, and for twice as long each time that it is refused again, or once it has been
+its expectation for 10 s or periods, and for twice as long each time that it is soon refused again, or once it has been
 within its gate for 10 minutes. A start waits for every sensor for as long as a reading is held. Readings in coarser
 steps than in training widen the interval, and the estimate is degraded where their rounding adds more to its error
 variance than training left. What is missing for a short while moves as the others and its own past predict: of z its
@@ -47,6 +47,8 @@ _STARTING_SLACK = 3.0
 _AGREE_S, _AGREE_PERIODS = 10.0, 10
 """Two readings that cross agree for some samples. Files without ``turn`` have the first alone."""
 _LONGEST_AGREE_S = 3600.0
+_FORGIVEN = 3.0
+"""One that is used for so many times its next wait is a good one again, whose readings are wrong now and then."""
 _SETTLED_S = SLOW_S
 """A refused reading that has been within its gate for so long is used again, and may still be doubted."""
 _SIGMAS = 3.0
@@ -158,8 +160,11 @@ class Validation:
         self.variance_degC2 = 0.0
         """What replaced and coarse readings add to the estimate's error variance."""
         self.is_degraded = self.is_coasting = False
-        self._waits_s = [max(_AGREE_S, _AGREE_PERIODS * period_s if each.turn else 0.0) for each in model.sensors]
+        self._first_waits_s = [max(_AGREE_S, _AGREE_PERIODS * period_s if each.turn else 0.0) for each in model.sensors]
+        self._waits_s = list(self._first_waits_s)
         """How long each sensor must agree when it is refused next."""
+        self._released_s = [-math.inf] * count
+        """When each was last accepted again."""
         self._begun = False
         self._start: _Start | None = None
         """Where some sensors are still waited for."""
@@ -592,6 +597,8 @@ class Validation:
         for i in sensors:
             value = readings[i]
             if value is not None and i not in self.refused:
+                if self._time_s - self._released_s[i] > _FORGIVEN * self._waits_s[i]:
+                    self._waits_s[i] = self._first_waits_s[i]
                 self.refused[i] = _Refusal(value, self._used[i], self._waits_s[i])
                 self._waits_s[i] = min(2 * self._waits_s[i], _LONGEST_AGREE_S)
         self._slow = [0.0] * self._count
@@ -690,6 +697,7 @@ class Validation:
             has_settled = refusal.near_s >= _SETTLED_S
             if refusal.agreed_s >= refusal.wait_s or has_settled:
                 del self.refused[i]
+                self._released_s[i] = self._time_s
                 self._slow = [0.0] * self._count
                 if has_settled:
                     self._slow[i] = refusal.near_Ks / refusal.near_s

@@ -185,6 +185,12 @@ def test_a_start_within_what_training_had_in_equilibrium_refuses_nothing(model: 
     assert list(observer.validation.refused) == [0]
 
 
+def test_a_sensor_that_is_wrong_now_and_then_is_used_in_between(observer: Observer) -> None:
+    found = fed(observer, 2000, lambda k, u: [u[0] + 20 * (k % 200 == 199), *u[1:]])
+    assert {each.status for each in found[-180:-1]} == {"tracking"}
+    assert found[-1].used[0] == pytest.approx(readings_at(1999)[0], abs=0.5)
+
+
 def drifted(k: int, u: list[float], after: float) -> list[float]:
     """A step of the first by 5 K, and the others follow to within ``after``."""
     rise = (5 - after) * (1 - np.exp(-(k - 200) / 100))
