@@ -436,10 +436,13 @@ class Validation:
             z[i :: self._count] = [value] * (len(z) // self._count)
         self._used = z[: self._count]
         present = [i for i in range(self._count) if i not in self._apart]
-        self._refuse(self._inconsistent(z, present), readings)
+        wrong = self._inconsistent(z, present)
+        self._refuse(wrong, readings)
         for i in self._apart:
             value = self._expected(self._apart, i, z)
             z[i :: self._count] = [value] * (len(z) // self._count)
+            if i in wrong:
+                self.refused[i].used = value
         self._lows = z[self._count :]
         self._still = [(time_s, value, z) for value in z[: self._count]]
         self._held = {}

@@ -174,7 +174,9 @@ def test_a_start_within_what_training_had_in_equilibrium_refuses_nothing(model: 
 
     observer = observer_of(model)
     fed(observer, 1, cooling)
-    assert list(observer.validation.refused) == [0]
+    assert [(i, str(each)) for i, each in observer.validation.refused.items()] == [
+        (0, "reads 34 where 25.0 is expected")
+    ]
     observer = observer_of(model, sensors=(LIMITS._replace(start=10.0),) * 4)
     fed(observer, 1, cooling)
     assert not observer.validation.refused
