@@ -12,6 +12,7 @@ from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.intake import first_double, read_whole, shown
 from ambient_model.model import LEVELS_PERCENT
 from ambientd.publish.access import Access, read_access
+from ambientd.publish.proof import created
 from ambientd.publish.spec import Spec, kind_module, parse
 from ambientd.settings import ReferenceSpec, Settings, StateSpec
 from ambientd.sources.quantities import SIGMA_RANGE_DEGC
@@ -42,6 +43,7 @@ _LONGEST_PROBLEM = 200
 _MOST_FAULTS = 100
 _MOST_PUBLISHERS = 32
 _STATE_KEYS = ("path", "max_age_s", "access")
+_OWN_PATH = "give each a path of its own"
 _UNITS = ("degC", "millidegC")
 _REFERENCE_RANGES = {
     "sigma_degC": SIGMA_RANGE_DEGC,
@@ -60,7 +62,16 @@ def settings_for_model(path: str) -> Settings:
 
 def publishing_to(settings: Settings, specs: Sequence[Spec]) -> Settings:
     """``settings`` with ``specs``, which have no access of their own, in place of what is published."""
-    return settings._replace(publish=tuple([_accessible(spec, settings.access) for spec in specs]))
+    settings = settings._replace(publish=tuple([_accessible(spec, settings.access) for spec in specs]))
+    for path in _written_twice(settings):
+        raise refuse("--publish", "", f"{path} stands twice", _OWN_PATH)
+    return settings
+
+
+def _written_twice(settings: Settings) -> list[str]:
+    """The files that several outputs, or one and the state, would write, each in the place of the other's."""
+    paths = [os.path.realpath(each.path) for each in created(settings.publish, settings.state)]
+    return sorted({path for path in paths if paths.count(path) > 1})
 
 
 def _accessible(spec: Spec, access: Access) -> Spec:
@@ -197,7 +208,10 @@ class _Reading:
             self.fault("reference", "needs 'state', where what is learnt is kept", "add 'state: {path: FILE}'")
         if "model" not in data:
             self.fault("model", "missing", "name the model file")
-        return settings._replace(**{key: read(key, data[key]) for key, read in readers.items() if key in data})
+        settings = settings._replace(**{key: read(key, data[key]) for key, read in readers.items() if key in data})
+        for path in _written_twice(settings):
+            self.fault("publish", f"{path} stands twice", _OWN_PATH)
+        return settings
 
     def unknown(self, place: str, data: dict[Any, Any], known: tuple[str, ...]) -> None:
         for key in data:
@@ -285,9 +299,6 @@ class _Reading:
             self.fault(place, f"has {len(value)} entries", f"at most {_MOST_PUBLISHERS} are wanted")
             return ()
         specs = [self.spec(f"{place}[{index}]", item) for index, item in enumerate(value)]
-        targets = [spec.path for spec in specs if spec and spec.path]
-        for target in sorted({target for target in targets if targets.count(target) > 1}):
-            self.fault(place, f"{target} stands twice", "publish each to a path of its own")
         return tuple(spec for spec in specs if spec)
 
     def spec(self, place: str, value: Any) -> Spec | None:

@@ -183,7 +183,7 @@ WHOLE: dict[str, Any] = {
     },
     "supervision": {"stuck_after_s": 3600, "stuck_within_K": 0.1, "jump_K_per_s": 0.5},
     "coast_s": 5,
-    "state": {"path": "s", "max_age_s": 100},
+    "state": {"path": "state", "max_age_s": 100},
     "access": {"mode": "0640", "owner": 0, "group": "0"},
     "publish": [
         "stdout",

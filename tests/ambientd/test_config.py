@@ -53,7 +53,7 @@ def test_every_key_is_taken_the_same_from_json_and_yaml(tmp_path):
             },
             supervision=Rules(3600.0, 0.1, 0.5),
             coast_s=5.0,
-            state=StateSpec(str(tmp_path / "s"), 100.0, theirs),
+            state=StateSpec(str(tmp_path / "state"), 100.0, theirs),
         )
 
 
@@ -90,8 +90,8 @@ publish:
     assert list(faults) == [
         *("poll", "model", "rate_hz", "sysfs_root"),
         *(f"publish[{k}]" for k in range(4)),
-        *("publish[4].owner", "publish[4].mode", "publish[4].poison_millidegC", "publish[5].mode", "publish"),
-        *("level_percent", "zones", "coast_s", "state.age", "state.path"),
+        *("publish[4].owner", "publish[4].mode", "publish[4].poison_millidegC", "publish[5].mode"),
+        *("level_percent", "zones", "coast_s", "state.age", "state.path", "publish"),
     ]
     assert "file, file-in-place, prometheus, socket, status, stdout" in faults["publish[0]"]
     assert all(key in faults["poll"] for key in ("zones_by_name", "supervision", "coast_s", "state"))
@@ -110,6 +110,7 @@ publish:
         ("model: a\nrate_hz: true\n", "c.yaml", "rate_hz: is True"),
         ("model: a\nrate_hz: .nan\n", "c.yaml", "rate_hz: is nan"),
         ("model: a\npublish: []\n", "c.yaml", "publish: is []"),
+        ("model: a\npublish: ['status:/x/../s']\nstate: {path: /s}\n", "c.yaml", "publish: /s stands twice"),
         ("model: a\nstate: /s\n", "c.yaml", "state: is '/s'"),
         ("model: a\nstate: {path: /s, max_age_s: 0}\n", "c.yaml", "state.max_age_s: is 0"),
         ("model: a\nsupervision: {stuck_within_K: 0.1}\n", "c.yaml", "supervision.stuck_within_K: has no effect alone"),

@@ -11,7 +11,7 @@ import pytest
 from ambientd.config import load_settings, publishing_to, settings_for_model
 from ambientd.publish.access import Access, grant
 from ambientd.publish.spec import Spec
-from refusals import refused_places
+from refusals import refused, refused_places
 
 ME, MINE = pwd.getpwuid(os.getuid()).pw_name, grp.getgrgid(os.getgid()).gr_name
 as_root = pytest.mark.skipif(os.getuid() != 0, reason="only root gives files to others")
@@ -42,6 +42,7 @@ access: {{mode: "0640", owner: {ME}, group: "{MINE}"}}
     specs = [Spec("stdout"), Spec("status", "/s")]
     assert [spec.access for spec in publishing_to(settings, specs).publish] == [Access(), common]
     assert settings_for_model("m").access == Access()
+    assert "/s stands twice" in str(refused(publishing_to, settings, [*specs, Spec("file", "/./s")]))
 
 
 @pytest.mark.parametrize("written", ["0640", "640", "416", "0o1777", "'1777'", "'64'", "'0648'", "rw", "[6]", "''"])
