@@ -11,6 +11,7 @@ from typing import IO, NamedTuple, TypeVar
 
 from ambient_model.atomic import replacing
 from ambient_model.faults import Refused, refuse
+from ambient_model.intake import first_double
 
 TIME = "time_s"
 REFERENCE = "ambient_degC"
@@ -205,8 +206,8 @@ def _check_names(source: str, place: str, names: Sequence[str]) -> None:
             raise refuse(
                 source, place, f"column {name!r} holds a comma, a quote or a control character", "rename it without"
             )
-        if names.count(name) > 1:
-            raise refuse(source, place, f"column {name!r} stands twice", "rename or remove one")
+    if (double := first_double(names)) is not None:
+        raise refuse(source, place, f"column {double!r} stands twice", "rename or remove one")
 
 
 def write_trace(

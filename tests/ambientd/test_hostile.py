@@ -146,7 +146,10 @@ def test_what_has_no_end_is_no_model_configuration_or_state(kind, model_file, ma
     assert notes[0].startswith(f"state {path}: ")
 
 
-def test_an_endless_device_is_no_trace(model_file, tmp_path):
+def test_neither_an_endless_device_nor_a_header_of_a_megabyte_is_a_trace(model_file, tmp_path):
+    wide = tmp_path / "wide.csv"
+    wide.write_text(",".join(["time_s", *(f"{k:x}_A" for k in range(100_000))]) + "\n")
+    assert "no column 'usb_degC'" in refusal("replay", model_file, wide, "-o", tmp_path / "out.csv")
     assert "/dev/zero: line 1: " in refusal("replay", model_file, "/dev/zero", "-o", tmp_path / "out.csv")
     assert not (tmp_path / "out.csv").exists()
 

@@ -10,6 +10,7 @@ from ambient_model.trace import TraceReader
 from ambientd.fallback import FallbackTracker
 
 _LEARN_ROWS = 200
+_MOST_SHOWN = 100
 
 Sample = tuple[float, list[float | None]]
 
@@ -49,11 +50,12 @@ class TraceSource:
 
     def _indices(self, inputs: tuple[Input, ...]) -> list[int]:
         columns = self._reader.header.columns
+        some = ", ".join([*columns[:_MOST_SHOWN], *["..."] * (len(columns) > _MOST_SHOWN)])
         faults = [
             Fault(
                 "header",
                 f"no column '{each.column}', which the model reads",
-                f"it has {', '.join(columns) or 'none'}; log it or map it on import",
+                f"it has {some or 'none'}; log it or map it on import",
             )
             for each in inputs
             if each.column not in columns
