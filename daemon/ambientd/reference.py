@@ -76,6 +76,8 @@ class OffsetMemory(NamedTuple):
     sensors_degC: tuple[float, ...] = ()
     seen: int = 0
     """Sensors' own errors, and how often they were seen."""
+    taken_off_degC: tuple[float, ...] = ()
+    """What of them is taken off the readings by then; empty before anything is."""
 
 
 class OffsetReport(NamedTuple):
@@ -193,19 +195,21 @@ class OffsetLearner:
         """Its state at ``now_s`` on the clock of the samples, for :meth:`restore`."""
         b, P, time_s = self._state
         unix_s = self._wall_s() - max(0.0, now_s - time_s)
-        return OffsetMemory(b, P, unix_s, self._counted_unix_s, self._last, *self._sensors)
+        return OffsetMemory(b, P, unix_s, self._counted_unix_s, self._last, *self._sensors, tuple(self._taken_off))
 
     def restore(self, memory: OffsetMemory, now_s: float) -> None:
         """Continue from ``memory``, as far as the configuration lets it."""
         most, passed_s = self._prior.bound_degC, max(0.0, self._wall_s() - memory.unix_s)
         b = min(max(memory.offset_degC, -most), most)
         P = min(max(memory.variance_degC2, 0.0), self._prior.std_degC**2)
-        self._state = predicted(self._prior, OffsetState(b, P, now_s - passed_s), now_s)
+        self._advanced_s = now_s - passed_s
+        self._state = OffsetState(b, P, self._advanced_s)
         self._counted_unix_s, self._last = memory.counted_unix_s, memory.last
         if self._gains and len(memory.sensors_degC) == len(self._gains):
-            self._sensors = SensorOffsets(tuple([min(max(o, -most), most) for o in memory.sensors_degC]), memory.seen)
-            self._taken_off = [*self._sensors.degC]
-        self._note_report()
+            known = [each for each in (memory.taken_off_degC, memory.sensors_degC) if len(each) == len(self._gains)]
+            taken_off, sensors = ([min(max(o, -most), most) for o in each] for each in (known[0], known[-1]))
+            self._sensors, self._taken_off = SensorOffsets(tuple(sensors), memory.seen), taken_off
+        self._advance(now_s)
 
     def saved(self) -> None:
         """The state file holds what :meth:`memory` returned: the reading that was handed over has its answer."""

@@ -185,12 +185,14 @@ def _offset(
     last: Any,
     sensors_degC: Any = (),
     seen: Any = 0,
+    taken_off_degC: Any = (),
 ) -> "OffsetMemory":
     from ambientd.reference import OffsetMemory
 
     numbers = [_number(each) for each in (offset_degC, variance_degC2, unix_s, counted_unix_s)]
-    sensors, reference = tuple([_number(each) for each in sensors_degC]), None if last is None else _last(**last)
-    return OffsetMemory(numbers[0], numbers[1], numbers[2], numbers[3], reference, sensors, _count(seen))
+    sensors, taken_off = (tuple([_number(each) for each in values]) for values in (sensors_degC, taken_off_degC))
+    reference = None if last is None else _last(**last)
+    return OffsetMemory(numbers[0], numbers[1], numbers[2], numbers[3], reference, sensors, _count(seen), taken_off)
 
 
 def _last(unix_s: Any, degC: Any, sigma_degC: Any, counted: Any, outcome: Any) -> "LastReference":
