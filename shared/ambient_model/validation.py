@@ -179,8 +179,8 @@ class Validation:
         """Difference of each at its last accepted reading."""
         self._away_s = [0.0] * count
         """How long each has had no reading."""
-        self._unread_s = 0.0
-        """How long none had one."""
+        self._gaps_s = [0.0] * count
+        """How long before its last reading each had the one before."""
         self._still: list[tuple[float, float, list[float]]] = []
         """Since when each reads the same, the reading, and z at that time."""
         self._z: list[float] = []
@@ -248,7 +248,8 @@ class Validation:
         """One value per input, read or replaced; None where no sensor is left. A missing reading is None."""
         passed_s = time_s - self._time_s
         self.starts_anew = self._start is not None
-        if not self._begun or not 0 <= passed_s <= self._limit_s:
+        unread_s = min([away_s for i, away_s in enumerate(self._away_s) if i not in self.refused], default=0.0)
+        if not self._begun or not 0 <= passed_s <= self._limit_s or unread_s > self._short_s + self._limit_s:
             self.starts_anew = False
             self._start = _Start(time_s, self.refused, self._waits_s)
         if self._start is not None:
@@ -267,10 +268,7 @@ class Validation:
         if any(self._steps):
             self._learn_steps(readings)
         z = self._with_lows(readings, passed_s)
-        self._unread_s += passed_s
-        jumped = self._doubted(readings, z, self._unread_s)
-        if readings.count(None) < self._count:
-            self._unread_s = 0.0
+        jumped = self._doubted(readings, z, passed_s)
         if jumped:
             self._refuse(jumped, readings)
             for i in jumped:
@@ -426,7 +424,6 @@ class Validation:
         self._learn_steps(readings)
         self._forget()
         self._set_passed(0.0)
-        self._unread_s = 0.0
         self._apart = _NONE
         self._set_apart(frozenset([*refused, *[i for i, value in enumerate(readings) if value is None]]))
         z = [self._model.mean[i] if value is None else value for i, value in enumerate(readings)]
@@ -471,6 +468,7 @@ class Validation:
                 self._away_s[i] += passed_s
                 missing = True
             else:
+                self._gaps_s[i] = self._away_s[i] + passed_s
                 self._away_s[i] = 0.0
                 if i not in self.refused:
                     used[i] = value
@@ -480,10 +478,7 @@ class Validation:
         return used + self._lows
 
     def _doubted(self, readings: Sequence[float | None], z: list[float], passed_s: float) -> list[int]:
-        """Note how far the readings lie beyond their gates; return those that can't be right.
-
-        ``passed_s`` is the time since there was any reading.
-        """
+        """Note how far the readings lie beyond their gates; return those that can't be right."""
         jumped = []
         doubt_degC2 = 0.0
         has_turned = False
@@ -497,7 +492,7 @@ class Validation:
                     jumped.append(i)
                 if not -gate <= d <= gate:
                     doubt_degC2 = max(doubt_degC2, (self.gains[i] * d) ** 2)
-            if self._has_jumped(i, value, d, passed_s):
+            if self._has_jumped(i, value, d):
                 jumped.append(i)
             has_turned = has_turned or 0 < self._model.sensors[i].turn < abs(d - self._last[i])
             slow = self._slow[i]
@@ -518,13 +513,13 @@ class Validation:
         step = max(self._steps[i], self._model.sensors[i].step)
         return abs(value - self._used[i]) <= max(_PASSING_K, _PASSING_STEPS * step)
 
-    def _has_jumped(self, i: int, value: float, difference: float, passed_s: float) -> bool:
-        """Whether it moved further than it can, and away from its expectation."""
+    def _has_jumped(self, i: int, value: float, difference: float) -> bool:
+        """Whether it moved further than it can since it was read before, and away from its expectation."""
         limits = self._model.sensors[i]
         moved = abs(value - self._used[i]) - 2 * self._steps[i]
         if moved <= limits.jump:
             return False
-        reach = limits.jump * max(passed_s / self._model.jump_s, 1.0)
+        reach = limits.jump * max(self._gaps_s[i] / self._model.jump_s, 1.0)
         # two that jump together are expected to be where they are
         return moved > reach * (1 if abs(difference) > abs(self._last[i]) else _FAR)
 

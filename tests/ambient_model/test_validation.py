@@ -252,13 +252,23 @@ def test_heat_that_training_lacks_is_doubted_and_used(observer: Observer, below:
     assert heated[-1].high_degC - heated[-1].low_degC > 2 * 0.25 * 6.0
 
 
-def test_what_moved_while_no_reading_was_there_has_not_jumped(observer: Observer) -> None:
+@pytest.mark.parametrize("away", [(0,), (0, 1, 2, 3)])
+def test_what_moved_while_it_was_not_read_has_not_jumped(observer: Observer, away: tuple[int, ...]) -> None:
+    def silent(k, u):
+        return [None if i in away else x for i, x in enumerate(u)]
+
     fed(observer, 200)
-    fed(observer, 40, lambda k, u: [None] * 4, start=200)
+    fed(observer, 40, silent, start=200)
     fed(observer, 1, lambda k, u: [u[0] + 1.5, *(x + 0.3 for x in u[1:])], start=240)
     assert not observer.validation.refused
     fed(observer, 1, lambda k, u: [u[0] + 3.0, *(x + 0.3 for x in u[1:])], start=241)
     assert list(observer.validation.refused) == [0]
+
+
+def test_after_a_long_silence_of_all_sensors_it_starts_again(observer: Observer) -> None:
+    fed(observer, 700)
+    fed(observer, 120, lambda k, u: [None] * 4, start=700)
+    assert {each.status for each in fed(observer, 20, lambda k, u: [x - 10 for x in u], start=820)} == {"tracking"}
 
 
 @pytest.mark.parametrize(("missing", "moves"), [((0,), True), ((0, 1), True), ((0, 1, 2), False)])
