@@ -126,7 +126,12 @@ class Observer:
             for value, (low, high) in zip(readings, self._ranges)
         ]
         used = self.validation.update(time_s, known)
-        if self.validation.starts_anew:
+        # what the recursion took while too little was left is not trusted
+        anew = self._coasted_s > self._coast_s and not self.validation.is_coasting
+        if anew:
+            self.validation.restart()
+            used = self.validation.update(time_s, known)
+        if anew or self.validation.starts_anew:
             for each in (self.tracker, self.secondary):
                 if each is not None:
                     each.restart()
@@ -152,6 +157,7 @@ class Observer:
         if status != COASTING and validation.is_coasting:
             self._coasted_s += passed_s
             if self._coasted_s > self._coast_s:
+                self._last = None
                 return Estimate(None, None, None, FAULTED, used)
             status = COASTING
         elif not validation.is_coasting:

@@ -244,6 +244,10 @@ class Validation:
             self.refused[i] = _Refusal(value, self._used[i], self._waits_s[i])
         self._set_apart(frozenset(self.refused))
 
+    def restart(self) -> None:
+        """Begin again at the next sample; what is refused stays so."""
+        self._begun = False
+
     def update(self, time_s: float, readings: Sequence[float | None]) -> list[float] | None:
         """One value per input, read or replaced; None where no sensor is left. A missing reading is None."""
         passed_s = time_s - self._time_s

@@ -305,6 +305,16 @@ def test_too_little_left_coasts_and_then_faults(observer: Observer) -> None:
     assert statuses[-1] == "faulted"
 
 
+def test_where_one_sensor_told_too_little_it_starts_again_with_the_others(model: Model) -> None:
+    apart = precision_of(np.kron(np.ones((2, 2)), 400 * np.eye(4)))
+    limits = LIMITS._replace(gate=90.0, slow_gate=60.0, jump=50.0)
+    observer = observer_of(model, precision=apart, sensors=(limits,) * 4)
+    fed(observer, 100)
+    assert fed(observer, 100, lambda k, u: [u[0], None, None, None], start=100)[-1].status == "faulted"
+    [back] = fed(observer, 1, lambda k, u: [x + 20 for x in u], start=200)
+    assert (back.ambient_degC, observer.tracker.step) == (pytest.approx(45.5, abs=0.2), 0)
+
+
 def test_the_output_stays_within_its_bounds(model: Model) -> None:
     found = fed(observer_of(model, output=(0.0, 25.2), rate_K_per_s=0.001), 600)
     assert max(each.ambient_degC for each in found) <= 25.2
