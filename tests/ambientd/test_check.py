@@ -261,7 +261,6 @@ def test_it_reports_a_reader_that_may_not_read(followed, tmp_path):
     tmp_path.chmod(0o700)
     found, faults = followed(SAFE)
     assert ["node-exporter reads prometheus:" in each for each in found] == [True]
-    # other programs' files lie there, too
     (text_files / "apt.prom").write_text("")
     direct = consumers.followed((Spec("prometheus", f"{text_files}/own.prom"),), str(tmp_path / "root"))
     assert not [fault for fault in direct[1] if "apt.prom" in fault.problem]

@@ -191,7 +191,6 @@ def test_sensors_own_errors_are_learnt_from_their_differences_when_a_reading_cou
     assert decode(encode(state)) == state
     after.learner.restore(memory, after.now_s)
     assert after.learner.corrected([25.3, 85.0]) == pytest.approx([25.3 - own, 85.0], abs=2e-3)
-    # nor at a reload or a restart on the way
     half, after = Pair(tmp_path, make_model), Pair(tmp_path, make_model)
     half.file.unlink()
     half.told(25.3, 24.7, passed_s=1800)

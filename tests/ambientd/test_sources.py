@@ -112,8 +112,6 @@ def devices(tmp_path):
         2: {"name": "hts221", "in_temp_raw": "136", "in_temp_offset": "1148.461538", "in_temp_scale": "16.25"},
         3: {"name": "mlx90614", "in_temp_ambient_raw": "14700", "in_temp_offset": "-13657.5"}
         | {"in_temp_scale": "20", "in_temp_object_input": "21937.500000"},
-        5: {"name": "max31856", "in_temp_ambient_raw": "1500", "in_temp_ambient_scale": "15.625"}
-        | {"in_temp_raw": "3200", "in_temp_scale": "7.8125"},
         4: {"name": "ltr559", "in_illuminance_input": "81"},
     }
     for number, files in files_of.items():
@@ -130,7 +128,6 @@ def devices(tmp_path):
         ("hts221", "in_temp", 20.8725),
         ("mlx90614", "in_temp_ambient", 20.85),
         ("mlx90614", "in_temp_object", 21.9375),
-        ("max31856", "in_temp_ambient", 23.4375),
     ],
 )
 def test_each_iio_driver_s_form_is_read_in_degC(devices, device, channel, degC):
@@ -143,8 +140,6 @@ def test_only_temperatures_of_named_iio_devices_are_found(devices):
         "iio hts221 in_temp",
         "iio mlx90614 in_temp_ambient",
         "iio mlx90614 in_temp_object",
-        "iio max31856 in_temp",
-        "iio max31856 in_temp_ambient",
         "iio lps25h in_temp",
     ]
 
