@@ -136,6 +136,16 @@ def test_a_short_log_is_enough_to_refuse_a_lie(trace, sensors, samples, lie):
     assert "tracking" not in {each.status for each in found[samples // 2 :]}
 
 
+@pytest.mark.parametrize(("stop", "period_s", "stride"), [(1000, 0.1, 10), (600, 0.001, 300)])
+def test_a_stretch_of_less_than_a_second_says_nothing_of_changes_within_one(trace, stop, period_s, stride):
+    time_s = np.append(np.arange(stop), 1e6 + np.arange(5)) * period_s
+    part = Trace("short.csv", time_s, {name: row[: stop + 5] for name, row in trace.columns.items()})
+    found = reading_model(FreeFilterEstimator(1).fit([part], Effort(starts=1)), [part])
+    assert round(found.jump_s / period_s) == stride
+    first = part.columns["soc_degC"][:stop]
+    assert found.sensors[0].jump == pytest.approx(3 * np.abs(first[stride:] - first[:-stride]).max())
+
+
 def test_a_current_beside_a_temperature_is_not_judged(trace):
     current = np.repeat(np.random.default_rng(4).choice([0.0, 1.0, 2.5], 40), SAMPLES // 40)
     columns = {**trace.columns, "charge_A": current}

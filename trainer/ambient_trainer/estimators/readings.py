@@ -60,14 +60,15 @@ def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
     chosen, ridge = min(itertools.product(folds, _RIDGES), key=lambda each: each[0].loss(each[1] * noise))
     held_out = list(chosen.differences(ridge * noise))
     mean, precision = _distribution(chosen.total, ridge * noise)
-    stride = max(1, round(1.0 / period_s))
+    stride = max(1, min(round(1.0 / period_s), max(run.shape[1] for run in runs) // 2))
     slowly = [low_pass(each, SLOW_S, period_s, 0.0) for each in held_out]
     gate, slow = (_GATE_MARGIN * np.max([np.abs(d).max(axis=0) for d in each], axis=0) for each in (held_out, slowly))
     slow = slow if samples * period_s >= _LEAST_SLOW_S else gate
-    jump = _JUMP_MARGIN * np.max([np.abs(run[:, stride:] - run[:, :-stride]).max(axis=1) for run in runs], axis=0)
+    changes = [np.abs(run[:, stride:] - run[:, :-stride]).max(axis=1, initial=0.0) for run in runs]
+    jump = _JUMP_MARGIN * np.max(changes, axis=0)
     estimates = [response_degC(fit.system, fit.hold, run, period_s) for run in runs]
     reference = np.concatenate([trace.column(REFERENCE) for trace in traces])
-    rate = max(np.abs(each[stride:] - each[:-stride]).max() for each in estimates) / (stride * period_s)
+    rate = max(np.abs(each[stride:] - each[:-stride]).max(initial=0.0) for each in estimates) / (stride * period_s)
     degC = np.array([each.endswith("_degC") for each in fit.inputs])
     off = _START_OFFSET_DEGC * degC
     both = [fit, *([fit.secondary.fit] if fit.secondary else [])]
