@@ -92,12 +92,14 @@ class Training(NamedTuple):
 def require_informative(traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str]) -> None:
     """Refuse traces that, taken together, hold no information on a column, naming every such column."""
     faults = []
-    for name in (*inputs, *outputs):
+    for name in dict.fromkeys((*inputs, *outputs)):
         known = np.concatenate([trace.column(name) for trace in traces])
         known = known[~np.isnan(known)]
         # an estimate needs inputs that change; a simulation may have a constant boundary, but no lone constant output
         must_change = tuple(outputs) in ((REFERENCE,), (name,))
-        if not len(known):
+        if name in inputs and name in outputs:
+            faults.append(Fault(f"column {name}", "is what is to be estimated", "a device has no such sensor"))
+        elif not len(known):
             faults.append(Fault(f"column {name}", "holds no value at all", "leave it out, or log it"))
         elif np.abs(known).max() > _NO_SENSOR:
             worst = known[np.abs(known).argmax()]
