@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ambient_trainer.circuits.addition import started, with_source
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.search import Budget, search
 
-from ..conftest import response_of, rise_inputs, truth_of
+from ..conftest import in_air, response_of, rise_inputs, truth_of
 
 
 @pytest.fixture
@@ -63,3 +64,15 @@ def test_the_same_seed_gives_the_same_result(rise, rise_data):
     # searches that several make are those of one
     apart = [end.theta.tolist() for first in (0, 1) for end in search(structure, 1 + first, 5, first=first).starts]
     assert apart == [end.theta.tolist() for end in results[0].starts]
+
+
+def test_a_power_is_found_however_far_it_starts():
+    """An oven of known heat capacity, whose heater has 1500 W."""
+    oven = with_source(in_air("oven", 20_000, 0.05), "oven", "heater_frac", 1500.0, "1")
+    u = np.vstack([np.full(5000, 20.0), np.repeat([0.0, 1.0, 0.3, 1.0, 0.0], 1000)])
+    y = response_of(oven, u) + np.random.default_rng(0).normal(0.0, 0.1, (1, 5000))
+    off = started(oven, {"k_oven_heater_frac": 10.0, "R_oven": 0.5}, ["C_oven"])
+    structure = CircuitStructure(off, [Segment(1.0, u, y)])
+    best = search(structure, 1, 0).best
+    assert best.converged
+    assert structure.values(best.theta, best.beta) == pytest.approx(truth_of(oven), rel=1e-2)

@@ -54,7 +54,7 @@ class CircuitStructure(Structure):
     def _unknowns(parameters: Sequence[Parameter], logarithmic: NDArray[np.bool_]) -> Unknowns:
         table = np.array([(each.initial, each.low, each.high) for each in parameters]).reshape(-1, 3).T
         scaled = np.where(logarithmic, np.log(np.where(logarithmic, table, 1.0)), table)
-        return Unknowns(tuple(each.name for each in parameters), *scaled)
+        return Unknowns(tuple(each.name for each in parameters), *scaled, np.where(logarithmic, 2.0, math.inf))
 
     @property
     def logarithmic_names(self) -> tuple[str, ...]:

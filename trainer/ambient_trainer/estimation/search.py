@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.structure import Evaluation, Structure, project
 
-_LONGEST_STEP = 2.0
 _SHORT = 1e-5
 _SMALLEST_GAIN = 1e-10
 _SMALLEST_STEP = 1e-9
@@ -58,6 +57,7 @@ def descend(
     most: int,
     patience: int | None = None,
     over: Callable[[], bool] = lambda: False,
+    longest: Array | float = 2.0,
 ) -> tuple[Array, bool]:
     """Levenberg-Marquardt in a box: |residual|^2 over low <= point <= high with at most ``most`` evaluations.
 
@@ -86,7 +86,7 @@ def descend(
         wanted = _step(here, lengths, loose, damping)
         if np.abs(wanted).max(initial=0.0) < _SMALLEST_STEP or _gain(here, wanted) <= _SMALLEST_GAIN * square:
             return point, damping < _STUCK
-        moved = np.clip(point + np.clip(wanted, -_LONGEST_STEP, _LONGEST_STEP), low, high)
+        moved = np.clip(point + np.clip(wanted, -longest, longest), low, high)
         promised = _gain(here, moved - point)
         ratio = -1.0
         if promised > 0:
@@ -220,7 +220,7 @@ class _Run:
 
     def _descended(self, theta: Array, most: int, patience: int | None) -> tuple[Array, bool]:
         bounds = self.structure.search
-        return descend(self._evaluate, theta, bounds.low, bounds.high, most, patience, self.over)
+        return descend(self._evaluate, theta, bounds.low, bounds.high, most, patience, self.over, bounds.longest_step)
 
     def _evaluate(self, theta: Array) -> Evaluation:
         """The residual, and below it by how much theta leaves its bounds of plausibility, weighed like the data."""

@@ -39,6 +39,8 @@ class Unknowns:
     initial: Array
     low: Array
     high: Array
+    longest_step: Array | float = 2.0
+    """Of one evaluation: a logarithm should not leap."""
 
     def at_bound(self, values: Array) -> NDArray[np.bool_]:
         """Which of ``values`` (count,) lie within a millionth of the span of a bound."""
