@@ -1,5 +1,7 @@
 """Intervals cover the truth as often as they say, and what the data cannot tell is named."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -11,7 +13,7 @@ from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.search import Solution, search
 from ambient_trainer.estimation.uncertainty import residual_memory, residuals, uncertainty
 
-from ..conftest import response_of, rise_inputs, truth_of
+from ..conftest import in_air, response_of, rise_inputs, truth_of
 
 FITS = 200
 SAMPLES = 2000
@@ -82,6 +84,21 @@ def test_white_errors_give_the_textbook_covariance(rise):
     np.testing.assert_allclose(residuals(structure, best)[0][0], error, atol=1e-9)
     assert known.residual_memory_samples < 1.3
     assert known.quantile == pytest.approx(1.961, abs=0.001)
+
+
+def test_a_second_sensor_that_errs_as_the_first_says_nothing_more():
+    """Both read bodies with one resistance, in one draught."""
+    known = {}
+    u = 20 + np.cumsum(np.random.default_rng(1).normal(size=(1, 1000)), axis=1)
+    for names in ("a", "a b"):
+        bodies = in_air(names, 50, 5)
+        bodies = replace(bodies, edges=tuple(replace(each, resistance="R_a") for each in bodies.edges))
+        structure = CircuitStructure(
+            started(bodies, {}, {"C_a", "C_b", "R_b"}),
+            [Segment(1.0, u, response_of(bodies, u) + np.random.default_rng(2).normal(size=1000))],
+        )
+        known[names] = uncertainty(structure, search(structure, 1, 0).best).standard_error[0]
+    assert known["a b"] == pytest.approx(known["a"], rel=0.01)
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.9, 0.97])

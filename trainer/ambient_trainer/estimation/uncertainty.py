@@ -1,9 +1,9 @@
 """Standard errors that survive residuals which are not white, and which parameters the data leave open.
 
-The covariance of the unknowns is the sandwich H^-1 (sum_b g_b g_b') H^-1 with H = J'J and g_b the sum of J_t r_t over
-a batch of samples longer than the residuals remember (batch means: Geyer 1992, Statistical Science 7(4); sandwich:
-White 1982, Econometrica 50(1)). With white residuals a batch is one sample. Directions in which J is zero to rounding
-are named: along them the data say nothing.
+The covariance of the unknowns is the sandwich H^-1 (sum_b g_b g_b') H^-1 with H = J'J and g_b the sum of J_t r_t of
+all outputs over a batch of samples longer than the residuals remember (batch means: Geyer 1992, Statistical Science
+7(4); sandwich: White 1982, Econometrica 50(1)). With white residuals a batch is one sample. Directions in which J is
+zero to rounding are named: along them the data say nothing.
 """
 
 import math
@@ -19,7 +19,8 @@ from ambient_trainer.estimation.structure import Structure
 
 _NULL = 1e-8
 _INVOLVED = 0.05
-_MEMORIES_PER_BATCH = 8
+_MEMORIES_PER_BATCH = 2, 8
+_SPARE = 20
 _WHITE = 1.3
 
 
@@ -52,7 +53,7 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     names = (*structure.search.names, *structure.linear.names)
     at_bound = np.append(structure.search.at_bound(solution.theta), structure.linear.at_bound(solution.beta))
     loose = np.flatnonzero(~at_bound)
-    J = np.concatenate([each[:, loose] for each in rows])
+    J = np.concatenate([each[loose].reshape(len(loose), -1).T for each in rows])
     scale = np.linalg.norm(J, axis=0)
     silent = scale == 0
     scale[silent] = 1.0
@@ -61,9 +62,12 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     blind = Vt[~kept]
     known = ~silent & ((blind**2).sum(axis=0) < _INVOLVED**2)
     inverse = (Vt[kept].T / singular[kept]) @ (Vt[kept] / singular[kept][:, None]) / np.outer(scale, scale)
-    memory = max((residual_memory(each) for each in errors if len(each)), default=1.0)
-    batch = 1 if memory < _WHITE else math.ceil(_MEMORIES_PER_BATCH * memory)
-    slopes = [J_t[:, loose] * r[:, None] for J_t, r in zip(rows, errors) if len(r)]
+    each_known = (row[~np.isnan(row)] for each in errors for row in each)
+    memory = max((residual_memory(known) for known in each_known if len(known)), default=1.0)
+    samples = sum(each.shape[1] for each in errors)
+    memories = np.clip(samples / memory / (len(loose) + _SPARE), *_MEMORIES_PER_BATCH)
+    batch = 1 if memory < _WHITE else math.ceil(memories * memory)
+    slopes = [np.einsum("kqn,qn->nk", J_t[loose], np.nan_to_num(r)) for J_t, r in zip(rows, errors) if r.size]
     empty = np.zeros((0, len(loose)))
     scores = np.concatenate([empty, *(np.add.reduceat(s, np.arange(0, len(s), batch), axis=0) for s in slopes)])
     spare = len(scores) - len(loose)
@@ -94,13 +98,13 @@ def residual_memory(errors: Array) -> float:
 
 
 def _rows(structure: Structure, solution: Solution) -> tuple[list[Array], list[Array]]:
-    """Per segment and output the Jacobian (N, count) of the outputs in all unknowns, and the errors (N,)."""
+    """Per segment the Jacobian (count, q, N) of the outputs in all unknowns, zero where there is nothing to compare
+    with, and the errors (q, N), NaN there; N are the samples with any."""
     rows, errors = [], []
     for index, each in enumerate(residuals(structure, solution)):
+        seen = ~np.isnan(each).all(axis=0)
         _, free = structure.regressors(solution.theta, index)
         slopes = structure.slopes(solution.theta, solution.beta, index)
-        for output, r in enumerate(each):
-            known = ~np.isnan(r)
-            rows.append(np.concatenate([slopes[:, output, known], free[:, output, known]]).T)
-            errors.append(r[known])
+        errors.append(each[:, seen])
+        rows.append(np.where(np.isnan(errors[-1]), 0.0, np.concatenate([slopes, free])[..., seen]))
     return rows, errors
