@@ -201,11 +201,12 @@ def identifiability(
 def own_output(
     circuit: Circuit, values: Values, stretches: Sequence[Segment], noise_degC: float, memory_samples: float
 ) -> Subject:
-    """``circuit`` at ``values`` with its own output over the inputs of ``stretches``."""
+    """``circuit`` at ``values`` with its own output over the inputs of ``stretches``, where these have one."""
     structure = CircuitStructure(circuit, stretches)
     theta, beta = unknowns_at(structure, values)
-    own = [replace(each, outputs=structure.predicted(theta, beta, index)) for index, each in enumerate(stretches)]
-    return Subject(circuit, values, tuple(own), noise_degC, memory_samples)
+    own = (structure.predicted(theta, beta, index) + 0 * each.outputs for index, each in enumerate(stretches))
+    laid = tuple(replace(each, outputs=outputs) for each, outputs in zip(stretches, own))
+    return Subject(circuit, values, laid, noise_degC, memory_samples)
 
 
 def unknowns_at(structure: CircuitStructure, values: Values) -> tuple[Array, Array]:
@@ -224,7 +225,8 @@ def reestimates(subject: Subject, known: Sensitivity, effort: Effort, progress: 
 
     From farther off most searches end in a local optimum, which is no evidence.
     """
-    about_mean = sum(float(((row - row.mean()) ** 2).sum()) for each in subject.own for row in each.outputs)
+    outputs = [row[~np.isnan(row)] for each in subject.own for row in each.outputs]
+    about_mean = sum(float(np.var(row)) * len(row) for row in outputs if len(row))
     ends, random = [], np.random.default_rng(effort.seed + 1)
     names = subject.structure({}).logarithmic_names
     for number in range(effort.starts):

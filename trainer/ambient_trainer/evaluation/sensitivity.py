@@ -61,7 +61,7 @@ class Sensitivity:
 
 def sensitivity(structure: CircuitStructure, theta: Array, beta: Array, seed: int = 0) -> Sensitivity:
     """The sensitivity of ``structure`` at theta, beta, and of the structure at places drawn with ``seed``."""
-    samples = sum(segment.inputs.shape[1] for segment in structure.segments) * len(structure.circuit.outputs)
+    samples = sum(np.count_nonzero(~np.isnan(segment.outputs)) for segment in structure.segments)
     here = log_jacobian(structure, theta, beta) / math.sqrt(samples)
     random = np.random.default_rng(seed)
     drawn = ((structure.random_start(random), random.uniform(0.2, 0.8, len(beta))) for _ in range(_PLACES))
