@@ -46,6 +46,7 @@ CALLS = [
     ("search nothere.csv --report t.csv", 2, "t.csv: is no folder"),
     ("identifiability t.csv --circuit model2_ss --fix C_nosuch", 1, "'C_nosuch'"),
     ("identifiability t.csv --circuit model2_ss --fix C_usb=much", 2, "'C_usb=much'"),
+    ("identifiability t.csv --circuit model2_ss --fix C_usb=-5", 1, "C_usb: -5 lies outside"),
     ("identifiability t.csv --circuit free-2", 1, "free-2"),
     ("import t.csv --format csv -o o.csv", 2, "--format csv needs --map MAP.yaml"),
     ("import t.csv --format xls -o o.csv", 2, "'xls' is not one of 'benchlink', 'csv'"),

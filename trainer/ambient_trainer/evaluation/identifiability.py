@@ -159,11 +159,14 @@ def identifiability(
 
     A fixed parameter's value is given, or None for the one of the fit. Raises :class:`Refused`.
     """
-    known = [each.name for each in circuit.parameters if each.free]
+    known = {each.name: each for each in circuit.parameters if each.free}
+    given = {name: value for name, value in fixed.items() if value is not None}
     for name in fixed:
         if name not in known:
             raise refuse("--fix", "", f"{circuit.name} has no free parameter {name!r}", f"it has {', '.join(known)}")
-    given = {name: value for name, value in fixed.items() if value is not None}
+        low, high = known[name].low, known[name].high
+        if not low <= given.get(name, low) <= high:
+            raise refuse("--fix", name, f"{given[name]:g} lies outside {low:g} to {high:g}", "move its min or max")
     circuit = started(circuit, given, given)
     progress("fitting", 0, effort.starts)
     fit = CircuitEstimator(circuit).fit(
