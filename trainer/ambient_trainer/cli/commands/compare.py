@@ -41,7 +41,8 @@ def command(
     Ctrl-C shows those that are done.
     """
     from ambient_trainer.api.data import sensor_columns  # scipy: --help should not wait for it
-    from ambient_trainer.data import load_trace
+    from ambient_trainer.data.trace import load_trace, sha256_of
+    from ambient_trainer.estimators.registry import estimator
     from ambient_trainer.evaluation.compare import Contest, contend, report_of, split_contest
 
     if models is not None and not Path(models).is_dir():
@@ -50,12 +51,14 @@ def command(
     output.check([*trace_paths, *circuit, *([held_out] if held_out else [])], written)
     if (split_s is None) == (held_out is None):
         raise click.UsageError("give either --split S or --held-out TRACE: a score needs data that no fit saw")
-    if held_out in trace_paths:
-        raise click.UsageError(f"{held_out} is a training trace too: hold out another one, or use --split")
     if split_s is not None and len(trace_paths) > 1:
         raise click.UsageError("--split cuts one trace; with several, name another one with --held-out")
+    for name in circuit:
+        estimator(name)  # a wrong name should not cost the fits before it
     traces = [load_trace(path) for path in trace_paths]
     contest = split_contest(traces[0], split_s) if split_s is not None else Contest(traces, load_trace(str(held_out)))
+    if held_out is not None and sha256_of(held_out) in map(sha256_of, trace_paths):
+        raise click.UsageError(f"{held_out} is a training trace too: hold out another one, or use --split")
     contenders: list[Contender] = []
     for name in circuit:
         with cli.fit_progress(name, effort, effort.starts, contest.samples) as progress:
