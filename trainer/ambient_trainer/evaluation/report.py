@@ -53,9 +53,12 @@ def report_of(model: Model, evaluations: Sequence[Evaluation]) -> Report:
 
 
 def trace_labels(evaluations: Sequence[Evaluation]) -> list[str]:
-    """A name for each trace: its file's, or the whole path where two files have the same name."""
+    """A name for each trace: its file's, or the whole path where two files have the same name; from the second on with
+    a number where two are of one path, as DataFrames are."""
     names = [os.path.basename(each.trace) for each in evaluations]
-    return [name if names.count(name) == 1 else each.trace for name, each in zip(names, evaluations)]
+    labels = [name if names.count(name) == 1 else each.trace for name, each in zip(names, evaluations)]
+    earlier = [labels[:index].count(label) for index, label in enumerate(labels)]
+    return [f"{label} {count + 1}" if count else label for label, count in zip(labels, earlier)]
 
 
 def _findings(evaluations: Sequence[Evaluation], samples: int) -> Iterator[Finding]:
