@@ -36,7 +36,7 @@ def test_every_channel_comes_in_without_a_map(write):
         "ch102_degC": [pytest.approx(-12.222222222), pytest.approx(-6.666666667)],
         "ch203_degC": [-263.15, -253.15],
     }
-    assert trace.notes == {"source": "a.csv", "start": "02/02/2000 23:59:55:402"}
+    assert trace.notes == {"source": "a.csv", "start": "2000-02-02T23:59:55.402000"}
 
 
 def test_an_open_thermocouple_is_missing(write):

@@ -8,7 +8,7 @@ import itertools
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import datetime, timezone
 
 import numpy as np
 import pandas as pd
@@ -20,7 +20,6 @@ from ambient_trainer.data.trace import Array, Trace, frame_trace, load_trace
 
 _GAP = 3.0
 """In periods of its own: a longer step of a logger is a gap."""
-_EPOCH = datetime(1970, 1, 1)
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,10 @@ def _start(trace: Trace) -> tuple[str, float] | None:
     try:
         if unit == "s":
             return "epoch", float(number)
-        return "date", (datetime.fromisoformat(text).replace(tzinfo=None) - _EPOCH).total_seconds()
+        moment = datetime.fromisoformat(text.replace("Z", "+00:00"))
+        if moment.tzinfo:
+            return "UTC", moment.timestamp()
+        return "date", moment.replace(tzinfo=timezone.utc).timestamp()
     except ValueError:
         return None
 

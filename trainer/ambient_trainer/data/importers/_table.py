@@ -184,7 +184,7 @@ class _Reading:
             raise self._refuse(row, column, *fault(self.cells[column].iloc[row]))
 
     def time(self) -> tuple[Array, str]:
-        """Seconds since the first row, to the microsecond, and the first row's time as it is written."""
+        """Seconds since the first row, to the microsecond, and the first row's time: an ISO date, or seconds."""
         source = self.map.time
         texts = self.cells[source.column].tolist()
         moments, wrong = _parsed(texts, lambda text: _moment(text, self.map))
@@ -197,7 +197,9 @@ class _Reading:
         problem = f"is no time to count from {texts[first]!r}"
         beyond = ~(np.abs(seconds) <= LARGEST)
         self._bad(beyond, source.column, lambda text: (f"{text!r} {problem}", "correct or remove the row"))
-        return seconds, f"{texts[first]} {source.unit}" if source.unit else texts[first]
+        if source.format and np.isfinite(moments[first]):
+            return seconds, _date(texts[first], source.format).isoformat()
+        return seconds, f"{moments[first] * _SECONDS[source.unit or 's']:.15g} s"
 
     def columns(self) -> dict[str, Array]:
         """Every column that the map makes of the table's; raises with the first fault of each."""
@@ -275,12 +277,16 @@ def _parsed(texts: list[str], number: Callable[[str], float]) -> tuple[Array, Ma
 
 def _moment(text: str, column_map: ColumnMap) -> float:
     """The time in its own unit; dates in seconds since 1970, UTC where no zone stands: only differences are used."""
-    pattern = column_map.time.format
-    if pattern is None:
+    if column_map.time.format is None:
         return _number(text, column_map.decimal)
-    iso = pattern == "iso"
-    moment = datetime.fromisoformat(text.replace("Z", "+00:00")) if iso else datetime.strptime(text, pattern)
+    moment = _date(text, column_map.time.format)
     return (moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)).timestamp()
+
+
+def _date(text: str, pattern: str) -> datetime:
+    if pattern == "iso":
+        return datetime.fromisoformat(text.replace("Z", "+00:00"))
+    return datetime.strptime(text, pattern)
 
 
 def _number(text: str, decimal: str) -> float:
