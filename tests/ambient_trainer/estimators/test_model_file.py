@@ -61,10 +61,10 @@ def test_inputs_carry_name_unit_zone_and_the_range_of_the_training(trace, model,
     assert power.min == pytest.approx(low - (high - low), abs=1e-3)
     assert power.max == pytest.approx(high + (high - low), abs=1e-3)
     sunny = ("board_degC", "chip_degC", "irradiance_W_m2")
-    board, _, last = model_of(
-        replace(fit, inputs=sunny, input_ranges=((20.0, 115.0), *fit.input_ranges[1:])), [], {}
-    ).main.inputs
+    ranges = ((20.0, 115.0), fit.input_ranges[1], (1e-5, 2e-5))  # a photodiode's, say
+    board, _, last = model_of(replace(fit, inputs=sunny, input_ranges=ranges), [], {}).main.inputs
     assert (board.min, board.max) == (-45.0, 145.0)
+    assert (last.min, last.max) == pytest.approx((0.0, 3e-5), abs=1e-9)
     assert (last.name, last.unit, last.column) == ("irradiance", "W_m2", "irradiance_W_m2")
 
 

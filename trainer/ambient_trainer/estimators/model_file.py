@@ -88,9 +88,9 @@ def _input(column: str, span: tuple[float, float], zones: Mapping[str, str]) -> 
     """
     name, unit = split_column(column)
     margin = _MARGIN_K if unit == "degC" else span[1] - span[0]
-    low, high = round(span[0] - margin, 3), round(span[1] + margin, 3)
+    low, high = span[0] - margin, span[1] + margin
     if unit == "degC":
-        low, high = min(low, _RANGE_DEGC[0]), max(high, _RANGE_DEGC[1])
+        low, high = min(round(low, 3), _RANGE_DEGC[0]), max(round(high, 3), _RANGE_DEGC[1])
     return Input(name, unit, zones.get(name, name), low, high)
 
 
