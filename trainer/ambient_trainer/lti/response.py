@@ -7,7 +7,7 @@ second order after the other. It does not mind poles that lie close together, wh
 import math
 
 import numpy as np
-from scipy.linalg import schur, solve_discrete_lyapunov
+from scipy.linalg import matrix_balance, schur, solve_discrete_lyapunov
 from scipy.signal import lfilter
 
 from ambient_trainer.data.trace import Array
@@ -67,8 +67,11 @@ def response_degC(system: StateSpace, hold: Hold, u: Array, period_s: float) -> 
 def noise_gain(system: StateSpace, period_s: float) -> float:
     """Standard deviation of the first output of stable ``system`` per unit of white noise in every input."""
     discrete = discretised(system, period_s, "first-order")
-    covariance = solve_discrete_lyapunov(discrete.A, discrete.B @ discrete.B.T)
-    return math.sqrt(float((discrete.C @ covariance @ discrete.C.T)[0, 0]) + float(np.sum(discrete.D[0] ** 2)))
+    # states in other units by many orders of magnitude cost as many digits
+    A, units = matrix_balance(discrete.A, permute=False)
+    B, C = np.linalg.solve(units, discrete.B), discrete.C @ units
+    covariance = solve_discrete_lyapunov(A, B @ B.T)
+    return math.sqrt(float((C @ covariance @ C.T)[0, 0]) + float(np.sum(discrete.D[0] ** 2)))
 
 
 def _schur(A: Array) -> tuple[Array, Array]:
