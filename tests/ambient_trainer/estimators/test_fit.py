@@ -11,6 +11,7 @@ from ambient_trainer.estimators.base import Effort, temperature_columns
 from ambient_trainer.estimators.library import free
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.registry import CircuitEstimator
+from ambient_trainer.estimators.report import findings
 from refusals import refused
 
 from ..conftest import response_of, rise_inputs, truth_of
@@ -182,3 +183,10 @@ def test_a_reference_may_be_constant_in_one_of_several_traces_and_a_trace_has_se
 def test_the_reference_is_no_sensor(logged):
     said = str(refused(FreeFilterEstimator(1).fit, [logged()], ONE, inputs=("board_degC", "ambient_degC")))
     assert "column ambient_degC: is what is to be estimated" in said
+
+
+def test_what_has_no_interval_is_named_where_nothing_is_confounded(rise, logged):
+    fit = CircuitEstimator(rise).fit([logged()], ONE)
+    first, *others = fit.parameters
+    vague = replace(fit, identifiable=False, parameters=(first._replace(identifiable=False), *others))
+    assert f"Identifiable: no; these data do not bound {first.name}." in [each.text for each in findings(vague)]
