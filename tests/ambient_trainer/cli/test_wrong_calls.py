@@ -69,6 +69,7 @@ CALLS = [
     ("search t.csv --circuits c --no-circuits", 2, "--circuits; --no-circuits"),
     ("search t.csv --json t.csv", 2, "overwritten"),
     ("search t.csv --state x --json x", 2, "twice"),
+    ("search t.csv --check u.csv", 2, "u.csv is searched, too"),
     ("search t.csv --gap 1e9", 1, "0 samples are left; --gap"),
     ("search t.csv --circuits t.csv", 2, "is no folder"),
     ("search t.csv --from 5000", 1, "--from"),

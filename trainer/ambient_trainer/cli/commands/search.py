@@ -64,13 +64,15 @@ def command(
     chosen = Options(**options)
     output.check([*trace_paths, *check_paths], [state_path], circuit_folder)
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
+    digests = [sha256_of(path) for path in trace_paths]
+    if seen := [path for path in check_paths if sha256_of(path) in digests]:
+        raise click.UsageError(f"{seen[0]} is searched, too: check on another trace")
     sensors, left_out = screened(traces)
     for line in left_out_lines(left_out):
         click.echo(line)
     data = prepared(traces, sensors, left_out, chosen)
     checks = [load_trace(path) for path in check_paths]
     # what results depend on: who computes them, the data's bytes and the options
-    digests = [sha256_of(path) for path in trace_paths]
     identity = {"made_by": __version__, "traces": digests, "from_s": from_s, "to_s": to_s, **asdict(chosen)}
     try:
         with cli.counted_progress() as progress, ResumablePool(jobs, state_path, identity, progress) as pool:
