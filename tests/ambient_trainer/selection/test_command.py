@@ -25,7 +25,7 @@ OPTIONS = ("--most", "2", "--order", "2", "--blocks", "5", "--tolerance", "0.05"
 
 @pytest.fixture(scope="module")
 def trace(tmp_path_factory):
-    path = str(tmp_path_factory.mktemp("traces") / "made-up.csv")
+    path = str(tmp_path_factory.mktemp("traces") / "made up.csv")
     whole = made_up(count=750)
     save_trace(path, replace(whole, columns={**whole.columns, "flat_degC": np.full(len(whole.time_s), 25.0)}))
     return path
@@ -47,7 +47,7 @@ def test_it_prints_the_zones_left_out_the_sizes_and_what_to_do_next(whole, trace
     assert lines[0].startswith("Left out: flat: ")
     assert "25 degC" in lines[0]
     assert [line for line in lines if line.startswith("2 sensors, left and right: ")]
-    assert [line for line in lines if f"fit {trace} --circuit free-2 --sensors left,right -o MODEL.json" in line]
+    assert [line for line in lines if f"fit '{trace}' --circuit free-2 --sensors left,right -o MODEL.json" in line]
 
 
 def test_its_circuits_are_what_fit_takes(whole, trace):

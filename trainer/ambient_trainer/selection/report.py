@@ -2,6 +2,7 @@
 
 import math
 import os
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -52,8 +53,8 @@ def report_of(result: SearchResult) -> Report:
         title = f"{', '.join(each.topology.sensors)}: {each.rmse_degC:.2f} degC held out"
         circuits.append(Section(title, [Figure(partial(circuit_figure, each))]))
     checks = checks_table(result) if result.checks else None
-    sensors = ",".join(result.recommended.sensors)
-    command = f"ambient-trainer fit {' '.join(paths)} --circuit {free} --sensors {sensors} -o MODEL.json"
+    fit = ["--circuit", free, "--sensors", ",".join(result.recommended.sensors), "-o", "MODEL.json"]
+    command = shlex.join(["ambient-trainer", "fit", *paths, *fit])
     return Report(
         subject="Search for sensors and circuits",
         title=main,
