@@ -53,8 +53,9 @@ class CircuitStructure(Structure):
     @staticmethod
     def _unknowns(parameters: Sequence[Parameter], logarithmic: NDArray[np.bool_]) -> Unknowns:
         table = np.array([(each.initial, each.low, each.high) for each in parameters]).reshape(-1, 3).T
-        scaled = np.where(logarithmic, np.log(np.where(logarithmic, table, 1.0)), table)
-        return Unknowns(tuple(each.name for each in parameters), *scaled, np.where(logarithmic, 2.0, math.inf))
+        initial, low, high = np.where(logarithmic, np.log(np.where(logarithmic, table, 1.0)), table)
+        longest_step = np.where(logarithmic, 2.0, math.inf)
+        return Unknowns(tuple(each.name for each in parameters), initial, low, high, longest_step)
 
     @property
     def logarithmic_names(self) -> tuple[str, ...]:

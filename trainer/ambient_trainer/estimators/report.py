@@ -63,8 +63,7 @@ def findings(fit: Fit) -> list[Finding]:
         f"best, in {fit.evaluations} evaluations.",
         f"Uncertainty available: {yes[fit.uncertainty_available]}; the residuals' autocorrelation time is "
         f"{fit.residual_memory_samples:.1f} samples (1 is white).",
-        f"Identifiable: {yes[fit.identifiable]}"
-        + ("." if fit.identifiable else f"; these data {told}."),
+        f"Identifiable: {yes[fit.identifiable]}" + ("." if fit.identifiable else f"; these data {told}."),
         *fit.notes,
     ]
     found = [Finding(line) for line in lines]
