@@ -53,6 +53,7 @@ def test_stamps_that_repeat_or_go_back_are_left_out(tmp_path):
     path.write_text("# start: x\ntime_s,a_degC\n0,1\n10,2\n10,3\n5,4\n20,\n")
     logged = load_logged(str(path))
     assert (logged.trace.time_s.tolist(), logged.dropped_rows) == ([0, 10, 20], 2)
+    assert logged.trace.notes == {"start": "x"}  # by which it is placed
     np.testing.assert_array_equal(logged.trace.columns["a_degC"], [1, 2, np.nan])
 
 

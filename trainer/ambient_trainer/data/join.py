@@ -4,6 +4,7 @@ A column that is logged more often than the stamps stand is averaged around each
 as straight lines; a switch (``_on``) keeps its last value. Where a logger has a gap there is nothing.
 """
 
+import contextlib
 import itertools
 import os
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from ambient_model.faults import Refused
-from ambient_model.trace import TIME, split_column
+from ambient_model.trace import TIME, TraceReader, split_column
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace, frame_trace, load_trace
 
@@ -43,17 +44,15 @@ def load_logged(path: str) -> Logged:
     """The trace in a file whose stamps may repeat or go back: the first of such rows counts. Raises Refused."""
     try:
         return Logged(load_trace(path), 0)
-    except Refused as refused:
-        try:
+    except Refused:
+        with contextlib.suppress(ValueError, OSError, KeyError):
             frame = pd.read_csv(path, comment="#", dtype=np.float64, skip_blank_lines=True)
-        except (ValueError, OSError, UnicodeError):
-            raise refused from None
-        if TIME not in frame or frame[TIME].isna().any():
-            raise refused from None
-        increasing = frame[TIME].to_numpy() > np.concatenate([[-np.inf], np.maximum.accumulate(frame[TIME])[:-1]])
-        if increasing.all():
-            raise refused from None
-        return Logged(frame_trace(frame[increasing], path), int((~increasing).sum()))
+            later = frame[TIME] > frame[TIME].cummax().shift(fill_value=-np.inf)
+            if frame[TIME].notna().all() and not later.all():
+                with TraceReader(path) as reader:
+                    frame.attrs = dict(reader.header.notes)
+                return Logged(frame_trace(frame[later], path), int((~later).sum()))
+        raise
 
 
 def on_one_epoch(traces: Sequence[Logged]) -> list[Logged]:
