@@ -62,14 +62,13 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     blind = Vt[~kept]
     known = ~silent & ((blind**2).sum(axis=0) < _INVOLVED**2)
     inverse = (Vt[kept].T / singular[kept]) @ (Vt[kept] / singular[kept][:, None]) / np.outer(scale, scale)
-    each_known = (row[~np.isnan(row)] for each in errors for row in each)
-    memory = max((residual_memory(known) for known in each_known if len(known)), default=1.0)
+    outputs = [row[~np.isnan(row)] for each in errors for row in each]
+    memory = max(residual_memory(each) for each in outputs if len(each))
     samples = sum(each.shape[1] for each in errors)
     memories = np.clip(samples / memory / (len(loose) + _SPARE), *_MEMORIES_PER_BATCH)
     batch = 1 if memory < _WHITE else math.ceil(memories * memory)
     slopes = [np.einsum("kqn,qn->nk", J_t[loose], np.nan_to_num(r)) for J_t, r in zip(rows, errors) if r.size]
-    empty = np.zeros((0, len(loose)))
-    scores = np.concatenate([empty, *(np.add.reduceat(s, np.arange(0, len(s), batch), axis=0) for s in slopes)])
+    scores = np.concatenate([np.add.reduceat(s, np.arange(0, len(s), batch), axis=0) for s in slopes])
     spare = len(scores) - len(loose)
     standard_error = np.full(len(names), np.nan)
     if spare >= 5:

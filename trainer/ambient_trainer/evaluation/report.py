@@ -57,8 +57,7 @@ def trace_labels(evaluations: Sequence[Evaluation]) -> list[str]:
     a number where two are of one path, as DataFrames are."""
     names = [os.path.basename(each.trace) for each in evaluations]
     labels = [name if names.count(name) == 1 else each.trace for name, each in zip(names, evaluations)]
-    earlier = [labels[:index].count(label) for index, label in enumerate(labels)]
-    return [f"{label} {count + 1}" if count else label for label, count in zip(labels, earlier)]
+    return [f"{label} {n + 1}" if (n := labels[:index].count(label)) else label for index, label in enumerate(labels)]
 
 
 def _findings(evaluations: Sequence[Evaluation], samples: int) -> Iterator[Finding]:

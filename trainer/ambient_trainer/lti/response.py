@@ -95,10 +95,8 @@ def _run(block: Array, shifted: Array) -> Array:
     """x[k+1] = block x[k] + shifted[k+1] with x[0] = shifted[0], for a block of one state or two: (1 or 2, ..., N)."""
     if len(block) == 1:
         return np.asarray(lfilter([1.0], [1.0, -block[0, 0]], shifted, axis=-1))
-    (a, b), (c, d) = block
-    once = lfilter([1.0], [1.0, -(a + d), a * d - b * c], shifted, axis=-1)
-    x = once.copy()
-    # (I - block/z)^-1 = [[1 - d/z, b/z], [c/z, 1 - a/z]] / det
-    x[0, ..., 1:] += b * once[1, ..., :-1] - d * once[0, ..., :-1]
-    x[1, ..., 1:] += c * once[0, ..., :-1] - a * once[1, ..., :-1]
-    return np.asarray(x)
+    # LAPACK's block of a damped pair, [[a, b], [c, a]] with b c < 0, turns x_0 + i k x_1 by a + i k c
+    (a, b), (c, _) = block
+    k = math.sqrt(-b / c)
+    turned = lfilter([1.0], [1.0, -(a + 1j * k * c)], shifted[0] + 1j * k * shifted[1], axis=-1)
+    return np.stack([turned.real, turned.imag / k])
