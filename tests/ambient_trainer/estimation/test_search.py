@@ -67,11 +67,10 @@ def test_the_same_seed_gives_the_same_result(rise, rise_data):
 
 
 def test_a_power_is_found_however_far_it_starts():
-    """An oven of known heat capacity, whose heater has 1500 W."""
     oven = with_source(in_air("oven", 20_000, 0.05), "oven", "heater_frac", 1500.0, "1")
     u = np.vstack([np.full(5000, 20.0), np.repeat([0.0, 1.0, 0.3, 1.0, 0.0], 1000)])
     y = response_of(oven, u) + np.random.default_rng(0).normal(0.0, 0.1, (1, 5000))
-    off = started(oven, {"k_oven_heater_frac": 10.0, "R_oven": 0.5}, ["C_oven"])
+    off = started(oven, {"k_oven_heater_frac": 10.0}, ["C_oven"])
     structure = CircuitStructure(off, [Segment(1.0, u, y)])
     best = search(structure, 1, 0).best
     assert best.converged

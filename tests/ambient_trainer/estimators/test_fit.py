@@ -173,20 +173,17 @@ def test_traces_that_determine_nothing_are_refused(rise, logged, change, facts):
     assert all(fact in said for fact in facts)
 
 
-def test_a_reference_may_be_constant_in_one_of_several_traces_and_a_trace_has_sensors(rise, logged):
+def test_a_reference_may_be_constant_in_one_of_several_traces_and_is_no_sensor(rise, logged):
     calm = _with(logged(1), ambient=20.0)
     assert CircuitEstimator(rise).fit([logged(), calm], ONE).samples == 2 * len(calm.time_s)
     with pytest.raises(Refused, match=r"bare\.csv: line 1"):
         temperature_columns([Trace("bare.csv", np.arange(5.0), {"ambient_degC": np.arange(5.0)})])
-
-
-def test_the_reference_is_no_sensor(logged):
     said = str(refused(FreeFilterEstimator(1).fit, [logged()], ONE, inputs=("board_degC", "ambient_degC")))
     assert "column ambient_degC: is what is to be estimated" in said
 
 
 def test_what_has_no_interval_is_named_where_nothing_is_confounded(rise, logged):
     fit = CircuitEstimator(rise).fit([logged()], ONE)
-    first, *others = fit.parameters
-    vague = replace(fit, identifiable=False, parameters=(first._replace(identifiable=False), *others))
-    assert f"Identifiable: no; these data do not bound {first.name}." in [each.text for each in findings(vague)]
+    open_ = fit.parameters[0]._replace(identifiable=False)
+    told = [each.text for each in findings(replace(fit, identifiable=False, parameters=(open_,)))]
+    assert f"Identifiable: no; these data do not bound {open_.name}." in told
