@@ -87,7 +87,6 @@ def test_white_errors_give_the_textbook_covariance(rise):
 
 
 def test_a_second_sensor_that_errs_as_the_first_says_nothing_more():
-    """Both read bodies with one resistance, in one draught."""
     u = 20 + np.cumsum(np.random.default_rng(1).normal(size=(1, 1000)), axis=1)
     found = []
     for names in ("a", "a b"):

@@ -73,8 +73,7 @@ class FitResult(Result):
         ]
         columns = ["value", "unit", "standard_error", "low95", "high95", "free", "at_bound", "identifiable"]
         frame = pd.DataFrame(rows, columns=["name", *columns]).set_index("name")
-        numeric = ["value", "standard_error", "low95", "high95"]
-        return frame.astype(dict.fromkeys(numeric, float))
+        return frame.astype(dict.fromkeys(["value", "standard_error", "low95", "high95"], float))
 
     @cached_property
     def inputs(self) -> pd.DataFrame:

@@ -124,14 +124,6 @@ def simulate(
     ['sensor_bias']
     """
     run = simulated_run(
-        scenario,
-        device,
-        seed,
-        period_s,
-        hide,
-        decoys=decoys,
-        all_zones=all_zones,
-        sizes=sizes,
-        progress=progress,
+        scenario, device, seed, period_s, hide, decoys=decoys, all_zones=all_zones, sizes=sizes, progress=progress
     )
     return SimulationResult(run, scenario)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import math
 import signal
 import threading
@@ -43,16 +44,6 @@ def fit_progress(name: str, effort: at.Effort, searches: int, samples: int) -> I
         yield show
 
 
-def staged_progress() -> contextlib.AbstractContextManager[Show]:
-    """A bar over the stages of a work."""
-    return _bar(_PATIENCE_S)
-
-
-def counted_progress() -> contextlib.AbstractContextManager[Show]:
-    """A bar with the two numbers beside it."""
-    return _bar(_PATIENCE_S, progress.MofNCompleteColumn())
-
-
 @contextlib.contextmanager
 def _bar(patience_s: float, *numbers: progress.ProgressColumn) -> Iterator[Show]:
     console = Console(stderr=True)
@@ -66,6 +57,12 @@ def _bar(patience_s: float, *numbers: progress.ProgressColumn) -> Iterator[Show]
             yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
         finally:
             shown.cancel()
+
+
+staged_progress = functools.partial(_bar, _PATIENCE_S)
+"""A bar over the stages of a work."""
+counted_progress = functools.partial(_bar, _PATIENCE_S, progress.MofNCompleteColumn())
+"""A bar with the two numbers beside it."""
 
 
 @contextlib.contextmanager

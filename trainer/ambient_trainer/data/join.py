@@ -50,7 +50,7 @@ def load_logged(path: str) -> Logged:
             later = frame[TIME] > frame[TIME].cummax().shift(fill_value=-np.inf)
             if frame[TIME].notna().all() and not later.all():
                 with TraceReader(path) as reader:
-                    frame.attrs = dict(reader.header.notes)
+                    frame.attrs.update(reader.header.notes)
                 return Logged(frame_trace(frame[later], path), int((~later).sum()))
         raise
 

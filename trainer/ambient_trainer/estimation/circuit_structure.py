@@ -54,8 +54,8 @@ class CircuitStructure(Structure):
     def _unknowns(parameters: Sequence[Parameter], logarithmic: NDArray[np.bool_]) -> Unknowns:
         table = np.array([(each.initial, each.low, each.high) for each in parameters]).reshape(-1, 3).T
         initial, low, high = np.where(logarithmic, np.log(np.where(logarithmic, table, 1.0)), table)
-        longest_step = np.where(logarithmic, 2.0, math.inf)
-        return Unknowns(tuple(each.name for each in parameters), initial, low, high, longest_step)
+        names = tuple(each.name for each in parameters)
+        return Unknowns(names, initial, low, high, np.where(logarithmic, 2.0, math.inf))
 
     @property
     def logarithmic_names(self) -> tuple[str, ...]:

@@ -103,6 +103,5 @@ def refitted(
         part.segments, part.search = segments, replace(part.search, initial=best.theta)
         without = search(part, 1, 0, budget=Budget(without_one)).best
         errors = residuals(structure, without)[block.segment][0, block.start : block.stop]
-        square = float(np.nansum(errors**2))
-        squares.append(square if np.isfinite(square) else _WORST_DEGC2)
+        squares.append(float(min(np.nansum(errors**2), _WORST_DEGC2)))
     return best, tuple(squares)

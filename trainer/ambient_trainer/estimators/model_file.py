@@ -97,12 +97,10 @@ def _input(column: str, span: tuple[float, float], zones: Mapping[str, str]) -> 
 def _conformance_inputs(fit: Fit) -> Matrix:
     """Every input in turn steps to the top of its range, then all of them change at random."""
     low, high = np.array(fit.input_ranges).T
-    random = np.random.default_rng(1)
-    rows = [low + 0.4 * (high - low)] * 2
-    rows += [np.where(np.arange(len(low)) == index, high, low + 0.4 * (high - low)) for index in range(len(low))]
-    while len(rows) < max(_CONFORMANCE_ROWS, len(low) + 6):
-        rows.append(low + random.uniform(0, 1, len(low)) * (high - low))
-    return matrix(np.round(rows, 3))
+    count = len(low)
+    drawn = np.random.default_rng(1).uniform(size=(max(_CONFORMANCE_ROWS - count - 2, 4), count))
+    shares = np.concatenate([np.full((2, count), 0.4), np.where(np.eye(count), 1.0, 0.4), drawn])
+    return matrix(np.round(low + shares * (high - low), 3))
 
 
 def _provenance(fit: Fit, training: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -56,14 +56,14 @@ def findings(fit: Fit) -> list[Finding]:
     mixed = [each for each in fit.confounded if len(each) > 1]
     vague = {each.name for each in fit.parameters if not each.identifiable}.union(*fit.confounded).difference(*mixed)
     open_ = {"determine only products of: ": map(", ".join, mixed), "do not bound ": [", ".join(sorted(vague))]}
-    told = " and ".join(what + named for what, names in open_.items() if (named := "; ".join(names)))
+    shown = " and ".join(what + named for what, names in open_.items() if (named := "; ".join(names)))
     gain = sum(abs(each) for each in fit.dc_gains)
     lines = [
         f"Converged: {yes[fit.converged]}; {agreeing} of {len(fit.start_rmses_degC)} starts came within 1 % of the "
         f"best, in {fit.evaluations} evaluations.",
         f"Uncertainty available: {yes[fit.uncertainty_available]}; the residuals' autocorrelation time is "
         f"{fit.residual_memory_samples:.1f} samples (1 is white).",
-        f"Identifiable: {yes[fit.identifiable]}" + ("." if fit.identifiable else f"; these data {told}."),
+        f"Identifiable: {yes[fit.identifiable]}" + ("." if fit.identifiable else f"; these data {shown}."),
         *fit.notes,
     ]
     found = [Finding(line) for line in lines]

@@ -53,8 +53,7 @@ def report_of(model: Model, evaluations: Sequence[Evaluation]) -> Report:
 
 
 def trace_labels(evaluations: Sequence[Evaluation]) -> list[str]:
-    """A name for each trace: its file's, or the whole path where two files have the same name; from the second on with
-    a number where two are of one path, as DataFrames are."""
+    """A name for each trace: its file's; where two have the same, the whole path, and a number where that repeats."""
     names = [os.path.basename(each.trace) for each in evaluations]
     labels = [name if names.count(name) == 1 else each.trace for name, each in zip(names, evaluations)]
     return [f"{label} {n + 1}" if (n := labels[:index].count(label)) else label for index, label in enumerate(labels)]

@@ -48,9 +48,7 @@ class Stressed:
 def stress(model: Model, trace: Trace, seed: int = 0) -> tuple[Stressed, ...]:
     """Run ``model`` over ``trace``, which can be evaluated, under every condition."""
     period_s = sampling_period_s(trace.time_s)
-    names = [each.name for each in model.main.inputs]
-    start_s = float(trace.time_s[0])
-    found = [_stressed(name, model, trace, change, seed, start_s) for name, change in _conditions(model, period_s)]
+    found = [_stressed(name, model, trace, change, seed, -np.inf) for name, change in _conditions(model, period_s)]
     middle_s = float(trace.time_s[0] + trace.time_s[-1]) / 2
     before_s, wrong_s = max(_BEFORE_S, _BEFORE * period_s), max(_WRONG_S, _WRONG * period_s)
     part = trace.cut(middle_s - before_s, middle_s + wrong_s)
@@ -60,7 +58,7 @@ def stress(model: Model, trace: Trace, seed: int = 0) -> tuple[Stressed, ...]:
         for i, each in enumerate(model.main.inputs):
             if each.unit == "degC":
                 change = partial(_wrong, wrong=wrong, i=i, onset=onset)
-                found.append(_stressed(f"{names[i]}: {fault}", model, part, change, seed, noticed_s))
+                found.append(_stressed(f"{each.name}: {fault}", model, part, change, seed, noticed_s))
     return tuple(found)
 
 
