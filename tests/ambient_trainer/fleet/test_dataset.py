@@ -74,6 +74,21 @@ def test_nothing_there_is_refused_and_a_file_that_is_a_hole_costs_no_memory(tmp_
     for name in ("hole.csv", "hole.parquet"):
         with open(tmp_path / name, "wb") as stream:
             stream.truncate(10 * 2**30)
+    for name in ("gone.csv", "gone too.parquet"):
+        os.symlink("/nowhere", tmp_path / name)
     found = read(tmp_path)
     assert os.path.getsize(tmp_path / "hole.csv") == 10 * 2**30
-    assert [each.trace for each in found.values()] in ([None], [None, None])
+    assert list(found) == ["gone", "gone too", "hole"] and not any(each.trace for each in found.values())
+
+
+READINGS = {"a_degC": np.arange(20.0), "ambient_degC": np.arange(20.0)}
+
+
+def test_a_unit_may_be_of_any_type_that_is_text_and_have_another_file_that_is_named_after_it(tmp_path):
+    time_s = np.arange(20.0)
+    for number, (one, other) in enumerate([(1.0, 2.5), (b"001", b"a/b"), ([3], [4])]):
+        mixed = {"unit": [one] * 8 + [other] * 12, "time_s": time_s, **READINGS}
+        pq.write_table(pa.table(mixed), tmp_path / f"{number}.parquet")
+    pq.write_table(pa.table({"time_s": 20.0 + time_s, **READINGS}), tmp_path / "2.5.parquet")
+    rows = {name: each.trace and len(each.trace.time_s) for name, each in read(tmp_path).items()}
+    assert rows == {"001": 8, "1": 8, "2": None, "2.5": 32, "a/b": 12}

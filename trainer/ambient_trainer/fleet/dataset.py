@@ -135,24 +135,24 @@ def _entries_in(file: str, path: str, by: str) -> Iterator[Entry]:
     labels = _partition(file, path)
     name = labels.get(by) or os.path.basename(file).partition(".csv")[0].removesuffix(_PARQUET)
     kept = tuple(sorted(labels.items()))
-    if not file.endswith(_PARQUET):
-        size = os.path.getsize(file)
-        yield Entry(name, (Piece(file),), size // _BYTES_A_ROW, size, kept)
-        return
     try:
+        if not file.endswith(_PARQUET):
+            size = os.path.getsize(file)
+            yield Entry(name, (Piece(file),), size // _BYTES_A_ROW, size, kept)
+            return
         opened = _opened(file)
         columns = opened.schema_arrow.names
         for index in range(opened.metadata.num_row_groups):
             rows = opened.metadata.row_group(index).num_rows
             counts = {name: rows}
             if by in columns and by not in labels:
-                found = opened.read_row_group(index, columns=[by]).column(0).value_counts()
+                found = opened.read_row_group(index, columns=[by]).column(0).cast("string").value_counts()
                 counts = {str(each["values"].as_py()): each["counts"].as_py() for each in found}
             for unit, count in counts.items():
                 yield Entry(unit, (Piece(file, index),), count, 8 * count * len(columns), kept)
         if not opened.metadata.num_row_groups:
             yield Entry(name, (Piece(file),), 0, 0, kept, "no rows")
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, NotImplementedError) as error:
         yield Entry(name, (Piece(file),), 0, 0, kept, _unreadable(error))
 
 
@@ -217,8 +217,7 @@ def _frame(entry: Entry, source: Source, rows: Callable[[Piece], pd.DataFrame], 
     import pandas as pd
 
     parts = [rows(piece) for piece in entry.pieces]
-    if source.by in parts[0].columns:
-        parts = [each[each[source.by] == entry.unit] for each in parts]
+    parts = [each[each[source.by] == entry.unit] if source.by in each else each for each in parts]
     frame = pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]
     labels.update({name: str(frame[name].iloc[0]) for name in source.within if name in frame.columns and len(frame)})
     return frame.drop(columns=[name for name in (source.by, *source.within) if name in frame.columns])
