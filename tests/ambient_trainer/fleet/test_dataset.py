@@ -4,6 +4,7 @@ import os
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.dataset as pads
 import pyarrow.parquet as pq
@@ -92,3 +93,12 @@ def test_a_unit_may_be_of_any_type_that_is_text_and_have_another_file_that_is_na
     pq.write_table(pa.table({"time_s": 20.0 + time_s, **READINGS}), tmp_path / "2.5.parquet")
     rows = {name: each.trace and len(each.trace.time_s) for name, each in read(tmp_path).items()}
     assert rows == {"001": 8, "1": 8, "2": None, "2.5": 32, "a/b": 12}
+
+
+def test_the_number_of_a_row_is_no_time(tmp_path):
+    frame = pd.DataFrame(READINGS, index=pd.Index(10.0 * np.arange(20), name="time_s"))
+    frame.to_parquet(tmp_path / "indexed.parquet", row_group_size=7)
+    frame.rename_axis("at").to_parquet(tmp_path / "unnamed.parquet")
+    found = read(tmp_path)
+    np.testing.assert_array_equal(found["indexed"].trace.time_s, frame.index)
+    assert found["unnamed"].reason == "column time_s: missing"

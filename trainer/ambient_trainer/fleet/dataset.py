@@ -219,6 +219,8 @@ def _frame(entry: Entry, source: Source, rows: Callable[[Piece], pd.DataFrame], 
     parts = [rows(piece) for piece in entry.pieces]
     parts = [each[each[source.by] == entry.unit] if source.by in each else each for each in parts]
     frame = pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]
+    if TIME not in frame:
+        raise refuse(entry.unit, f"column {TIME}", "missing", "log the time in s beside the readings")
     labels.update({name: str(frame[name].iloc[0]) for name in source.within if name in frame.columns and len(frame)})
     return frame.drop(columns=[name for name in (source.by, *source.within) if name in frame.columns])
 
@@ -234,7 +236,7 @@ def _rows(opened: pq.ParquetFile, row_group: int | None, source: Source, units: 
         names = table.column(source.by).cast(pa.string())
         table = table.set_column(wanted.index(source.by), source.by, names)
         table = table.filter(pc.is_in(names, value_set=pa.array(units)))
-    return table.to_pandas(use_threads=False)
+    return table.to_pandas(use_threads=False, ignore_metadata=True)
 
 
 def _opened(path: str) -> pq.ParquetFile:
