@@ -6,6 +6,7 @@ Then it holds the chamber as a run does at its end, at the same pace, lifts the 
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import logging
@@ -82,7 +83,8 @@ def main() -> None:
     settings = kind.Settings.model_validate(order["chamber"])
     chamber = kind.Driver(settings, Clock(), ChamberLimits(low_degC=safe_degC - 0.1, high_degC=safe_degC + 0.1))
     if sys.stdin.buffer.read() != _RELEASE:
-        logging.basicConfig(filename=order["log"], format="%(asctime)s %(message)s", level=logging.INFO)
+        with contextlib.suppress(OSError):  # the chamber matters more
+            logging.basicConfig(filename=order["log"], format="%(asctime)s %(message)s", level=logging.INFO)
         _log.info("the program that ran the campaign has ended without a word: the chamber goes to %g degC", safe_degC)
         _log.info("%s", make_safe(chamber, settings.period_s, safe))
         chamber.close()
