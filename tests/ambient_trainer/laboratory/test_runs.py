@@ -14,6 +14,7 @@ import yaml
 
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import load_trace
+from ambient_trainer.laboratory import workers
 from ambient_trainer.laboratory.collect import Job, laboratory_path, resume
 from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
 from ambient_trainer.laboratory.report import problems_of
@@ -87,6 +88,20 @@ def test_an_alarm_stops_the_chamber_and_not_the_logging(night):
     assert len(lab.trace.time_s) == 420
     assert np.isfinite(lab.trace.column("ambient_degC")[300:]).sum() > 60
     assert np.nanmax(lab.trace.column("cpu_load_frac")) == 0.02
+
+
+def test_a_run_that_waits_for_its_set_point_ends_with_its_program_after_an_alarm(night, monkeypatch):
+    monkeypatch.setattr(workers, "_LEAST_WALL_S", 0.0)
+    lab = night(minutes((1, 30), (4, 35)), {"safety.unconfirmed": "wait", "safety.confirm_s": 60})
+
+    def back(there):
+        raise_alarm(there.chamber, 7, "overtemperature")
+        there.chamber.plug()
+
+    lab.run(
+        [(50.0, lambda there: there.chamber.unplug()), (240.0, back), (900.0, lambda _: setattr(lab, "stop", "stuck"))]
+    )
+    assert (lab.outcome.ending, lab.outcome.alarm) == (Ending.DEVIATED, "07 overtemperature")
 
 
 def test_an_error_in_the_program_itself_comes_to_safety_first(night, monkeypatch):

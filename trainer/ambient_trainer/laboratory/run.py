@@ -209,7 +209,7 @@ class Run:
                 return Ending.STOPPED, why
             now_s = self.clock.now_s()
             # after an alarm the chamber is stopped: there is nothing more to do, but to go on logging
-            if self.alarm is None and (why := self._limits.violation(now_s) or self._unconfirmed(now_s)):
+            if (why := self._unconfirmed(now_s) or self._limits.violation(now_s)) and self.alarm is None:
                 return Ending.LIMIT, why
             for began, unsettled in self.program.advance(now_s) if self._held_s is None else ():
                 if unsettled:
@@ -226,6 +226,7 @@ class Run:
     def _unconfirmed(self, now_s: float) -> str | None:
         """Why the run ends because of a set point that is not confirmed; holds the program where that is asked for."""
         failure, wanted = self.failures.get(messages.CHAMBER_SET_POINT), self._laboratory.safety.unconfirmed
+        failure = failure if self.alarm is None else None
         if failure is not None and wanted == "wait" and self._held_s is None:
             self._held_s = failure.at_s
         elif failure is None and self._held_s is not None:
