@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 import yaml
 
-from ambient_model.faults import Refused
+from ambient_model.faults import Refused, refuse
 from ambient_trainer.data.trace import load_trace
+from ambient_trainer.laboratory import collect as collect_module
 from ambient_trainer.laboratory import workers
 from ambient_trainer.laboratory.collect import Job, laboratory_path, resume
 from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
@@ -177,8 +178,11 @@ def test_a_period_that_an_instrument_cannot_hold_is_said_before_the_run_and_whil
 
 
 def test_after_a_full_disk_the_run_is_resumed(night, monkeypatch):
-    """A line is cut; that there is room again a moment later does not matter, as nothing is written behind it."""
-    write, lines = os.write, itertools.count()
+    """A line is cut; that there is room again a moment later does not matter, as nothing is written behind it.
+
+    The trace has no room either, and what has become of the chamber is said all the same.
+    """
+    write, lines, save = os.write, itertools.count(), collect_module.save_trace
     no_room = Mock(side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
     fates = [lambda file, data: write(file, data[:10]), no_room]
 
@@ -187,11 +191,16 @@ def test_after_a_full_disk_the_run_is_resumed(night, monkeypatch):
         return (fates.pop(0) if journal and fates and next(lines) > 20 else write)(file, data)
 
     monkeypatch.setattr(os, "write", full)
+    lacking = Mock(side_effect=refuse("trace.csv", "", "cannot be written (No space left on device)", ""))
+    monkeypatch.setattr(collect_module, "save_trace", lacking)
     lab = night(minutes((2, 22)))
     lab.run()
     assert (lab.outcome.ending, lab.outcome.safe, lab.held_degC) == (Ending.FAILED, True, 20.0)
     assert "No space left" in lab.outcome.why
     assert any("--resume" in text for text in problems_of(lab.outcome, Job(lab.loaded, lab.output)))
+    lab.run(work=resume)
+    assert (lab.outcome.ending, lab.part.exists()) == (Ending.FAILED, True)
+    monkeypatch.setattr(collect_module, "save_trace", save)
     lab.run(work=resume)
     assert (lab.outcome.ending, lab.trace.notes["complete"]) == (Ending.FINISHED, "yes")
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from ambient_model.faults import refuse
+from ambient_model.faults import Refused, refuse
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.laboratory import messages
@@ -45,7 +45,7 @@ class Job(NamedTuple):
 
 
 class Collected(NamedTuple):
-    """What came of a run; ``trace`` is None where the recording had not begun."""
+    """What came of a run; ``trace`` is None where the recording had not begun, or it could not be written."""
 
     outcome: Outcome
     record: Record
@@ -141,9 +141,13 @@ def _written(job: Job, outcome: Outcome) -> Collected:
     if (grid := grid_of(record, campaign)) is not None:
         notes, trace = _notes(job, record, outcome), trace_rows(record, campaign, grid)
         beside = laboratory_rows(record, campaign, grid)
-        for path, table in ((job.output, trace), (laboratory_path(job.output), beside)):
-            columns = {str(name): values.to_numpy() for name, values in table.items()}
-            save_trace(path, Trace(path, table.index.to_numpy(), columns, notes))
+        try:
+            for path, table in ((job.output, trace), (laboratory_path(job.output), beside)):
+                columns = {str(name): values.to_numpy() for name, values in table.items()}
+                save_trace(path, Trace(path, table.index.to_numpy(), columns, notes))
+        except Refused as refused:  # that the chamber is not safe has to be said all the same
+            why = f"{outcome.why}; {path}: {refused.faults[0].problem}"
+            over, trace, outcome = False, None, outcome._replace(ending=Ending.FAILED, why=why)
     if over:
         os.unlink(journal_path(job.output))
     return Collected(outcome, record, trace)

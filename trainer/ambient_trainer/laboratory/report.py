@@ -145,7 +145,7 @@ def collection_report(collected: Collected, job: Job) -> Report:
     """How much a run left and where, with its tables and events."""
     record, trace = collected.record, collected.trace
     after = f"after {clock_text(record.last_s)}"
-    title = f"No trace, {after}: the recording had not begun."
+    title = f"No trace, {after}: the recording had not begun, or cannot be written."
     tables: list[Table] = []
     if trace is not None:
         beside = laboratory_path(job.output)
