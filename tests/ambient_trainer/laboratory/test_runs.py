@@ -232,9 +232,11 @@ def test_on_a_desk_there_is_no_chamber(tmp_path, reference):
         assert trace.notes["thermometer"] == "MQTT topic home/desk"
 
 
-def test_another_campaign_does_not_go_on_with_it(night, campaign_file):
-    lab = night(minutes((2, 22)))
-    lab.run([(30.0, lambda there: setattr(lab, "stop", "enough"))])
+def test_neither_another_campaign_nor_a_second_program_goes_on_with_it(night, campaign_file):
+    lab, said = night(minutes((2, 22))), []
+    second = [(20.0, lambda there: said.append(refused(resume, lab.job, None).faults[0].problem))]
+    lab.run([*second, (30.0, lambda there: setattr(lab, "stop", "enough"))])
+    assert said == ["belongs to a run that is not over"]
     other = Night(campaign_file(minutes((2, 23))), lab.output)
     with pytest.raises(Refused, match=r"'night'.*SHA-256"):
         other.run(work=resume)

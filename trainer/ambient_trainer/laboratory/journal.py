@@ -8,6 +8,7 @@ after a new start, its calendar.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import math
 import os
@@ -160,6 +161,9 @@ def _opened(path: str, new: bool) -> int:
     flags = os.O_RDWR | os.O_APPEND | (os.O_CREAT | os.O_EXCL if new else 0)
     try:
         file = os.open(path, flags, 0o644)
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise refuse(path, "", "belongs to a run that is not over", "let it end, or stop it and wait for it") from error
     except FileExistsError as error:
         hint = "go on with it: --resume; or remove it, and with it the samples that it holds"
         raise refuse(path, "", "a run has begun here and not come to its end", hint) from error
