@@ -9,6 +9,7 @@ import json
 import math
 import queue
 import socket
+import time
 from collections.abc import Callable
 from functools import reduce
 from pathlib import Path
@@ -67,7 +68,7 @@ class Driver:
             raise self._failed(f"nothing in {self._settings.timeout_s:g} s", NoResponse, _PUBLISHER)
         if isinstance(newest, str):
             raise self._failed(newest, Disconnected, _NETWORK)
-        (at_s, message), key = newest, self._settings.key
+        (came_s, message), key = newest, self._settings.key
         try:
             value = float(reduce(lambda inner, name: inner[name], key.split(".") if key else (), json.loads(message)))
             if not math.isfinite(value):
@@ -75,6 +76,8 @@ class Driver:
         except (ValueError, TypeError, LookupError) as error:
             hint = "is 'key' the way to the number in it?"
             raise self._failed(repr(message[:80].decode("utf-8", "replace")), InstrumentError, hint) from error
+        # by the machine's time, as a run that begins sets the clock
+        at_s = self._clock.now_s() - self._clock.speed * (time.monotonic() - came_s)
         return Reading(at_s, at_s, {THERMOMETER_COLUMN: degC_from(value, self._settings.unit)})
 
     def close(self) -> None:
@@ -116,7 +119,7 @@ class Driver:
 
     def _received(self, client: object, data: object, message: Any) -> None:
         if not message.retain:
-            self._came.put((self._clock.now_s(), message.payload))
+            self._came.put((time.monotonic(), message.payload))
 
 
 _PUBLISHES_S = 5.0
