@@ -503,6 +503,7 @@ def test_what_a_chamber_reports_instead_is_said_and_the_run_ends(chamber, night_
     assert night.complete.startswith("no: ")
     assert (len(night.trace.time_s) < 600) == (way in ("end", "stopped", "wait"))
     assert night.part.exists() == (way != "go-on")
+    assert way != "wait" or read_journal(str(night.part)).left.elapsed_s < night.trace.time_s[-1] - 100.0
 
 
 @in_real_time

@@ -176,6 +176,7 @@ class Run:
         except Exception as error:  # whatever it is: the chamber comes first, and then it is shown
             why = f"{type(error).__name__}: {error}"
         finally:
+            self._go_on()
             self.journal.add(messages.End(self.clock.now_s(), why))
             safe = self._make_safe()
             if ending is Ending.FINISHED:
@@ -223,16 +224,21 @@ class Run:
         now_s = self.clock.now_s()
         self.journal.add(messages.StepBegan(now_s, self.program.step, now_s - self.program.began_s))
 
+    def _go_on(self) -> None:
+        """Be in the step where it was held, if it is: that time does not count."""
+        if self._held_s is not None:
+            self.program.began_s += self.clock.now_s() - self._held_s
+            self._held_s = None
+            self._begin_step()
+
     def _unconfirmed(self, now_s: float) -> str | None:
         """Why the run ends because of a set point that is not confirmed; holds the program where that is asked for."""
         failure, wanted = self.failures.get(messages.CHAMBER_SET_POINT), self._laboratory.safety.unconfirmed
         failure = failure if self.alarm is None else None
         if failure is not None and wanted == "wait" and self._held_s is None:
             self._held_s = failure.at_s
-        elif failure is None and self._held_s is not None:
-            self.program.began_s += now_s - self._held_s
-            self._held_s = None
-            self._begin_step()
+        elif failure is None:
+            self._go_on()
         waited_s = 0.0 if self._held_s is None else now_s - self._held_s
         return failure.text if failure and (wanted == "end" or waited_s > _LONGEST_WAIT_S) else None
 
