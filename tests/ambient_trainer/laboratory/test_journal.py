@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
 from ambient_trainer.laboratory.journal import Head, Journal, Record, read_journal
-from ambient_trainer.laboratory.messages import End, Failure, Identity, LoadState, Note, Sample, StepBegan
+from ambient_trainer.laboratory.messages import Clock, End, Failure, Identity, LoadState, Note, Sample, StepBegan
 
 HEAD = Head("5", "ab" * 32, 1.7e9, 1.0, False)
 
@@ -91,6 +91,12 @@ def test_a_stepped_calendar_does_not_move_a_runs_time_and_counts_only_over_a_new
     monkeypatch.setattr(time, "time", lambda: 1060.0)
     assert 0.0 <= head.now_s() < 100.0
     assert head._replace(boot="another", began_unix_s=1000.0).now_s() == 600.0
+
+
+def test_a_run_s_time_goes_on_while_the_machine_is_suspended(monkeypatch):
+    clock, head, awake_s = Clock(), Head.now("5", "ab", 1.0, False), time.clock_gettime
+    monkeypatch.setattr(time, "clock_gettime", lambda which: awake_s(which) + 7200.0 * (which == time.CLOCK_BOOTTIME))
+    assert clock.now_s() == pytest.approx(head.now_s(), abs=1.0) == pytest.approx(7200.0, abs=10.0)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from concurrent.futures import Future
 from typing import Any, NamedTuple, TypeVar
 
 _Result = TypeVar("_Result")
+_UPTIME = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)  # a suspended machine's chamber goes on
 
 
 class Clock:
@@ -28,11 +29,11 @@ class Clock:
 
     def set(self, now_s: float) -> None:
         """Let it be ``now_s`` now; a run's clock is set when the run begins or goes on, and not while it lasts."""
-        self._zero_s = time.monotonic() - now_s / self.speed
+        self._zero_s = time.clock_gettime(_UPTIME) - now_s / self.speed
 
     def now_s(self) -> float:
-        """The time, which goes on evenly whatever the machine's calendar does."""
-        return (time.monotonic() - self._zero_s) * self.speed
+        """The time, which goes on evenly whatever the machine's calendar does, and while the machine is suspended."""
+        return (time.clock_gettime(_UPTIME) - self._zero_s) * self.speed
 
     def sleep(self, duration_s: float) -> None:
         """Return ``duration_s`` of this clock later, at once where it is not positive."""

@@ -9,7 +9,6 @@ import json
 import math
 import queue
 import socket
-import time
 from collections.abc import Callable
 from functools import reduce
 from pathlib import Path
@@ -48,7 +47,8 @@ class Driver:
     """A subscriber of the topic."""
 
     def __init__(self, settings: Settings, clock: Clock) -> None:
-        self._settings, self._clock = settings, clock
+        # a run sets its clock when it begins, while messages come
+        self._settings, self._clock, self._never_set = settings, clock, Clock()
         self._came: queue.SimpleQueue[tuple[float, bytes] | str] = queue.SimpleQueue()
         self._client: Any = None
 
@@ -76,8 +76,7 @@ class Driver:
         except (ValueError, TypeError, LookupError) as error:
             hint = "is 'key' the way to the number in it?"
             raise self._failed(repr(message[:80].decode("utf-8", "replace")), InstrumentError, hint) from error
-        # by the machine's time, as a run that begins sets the clock
-        at_s = self._clock.now_s() - self._clock.speed * (time.monotonic() - came_s)
+        at_s = self._clock.now_s() - self._clock.speed * (self._never_set.now_s() - came_s)
         return Reading(at_s, at_s, {THERMOMETER_COLUMN: degC_from(value, self._settings.unit)})
 
     def close(self) -> None:
@@ -119,7 +118,7 @@ class Driver:
 
     def _received(self, client: object, data: object, message: Any) -> None:
         if not message.retain:
-            self._came.put((time.monotonic(), message.payload))
+            self._came.put((self._never_set.now_s(), message.payload))
 
 
 _PUBLISHES_S = 5.0
