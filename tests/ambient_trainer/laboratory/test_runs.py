@@ -5,6 +5,7 @@ import itertools
 import os
 import re
 import threading
+import time
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -15,6 +16,7 @@ import yaml
 from ambient_model.faults import Refused, refuse
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory import collect as collect_module
+from ambient_trainer.laboratory import run as run_module
 from ambient_trainer.laboratory import workers
 from ambient_trainer.laboratory.collect import Job, laboratory_path, resume
 from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
@@ -103,6 +105,14 @@ def test_a_run_that_waits_for_its_set_point_ends_with_its_program_after_an_alarm
         [(50.0, lambda there: there.chamber.unplug()), (240.0, back), (900.0, lambda _: setattr(lab, "stop", "stuck"))]
     )
     assert (lab.outcome.ending, lab.outcome.alarm) == (Ending.DEVIATED, "07 overtemperature")
+
+
+def test_time_in_which_nothing_ran_does_not_count_as_time_in_the_step(night, monkeypatch):
+    monkeypatch.setattr(run_module, "_ASLEEP_S", 0.5)
+    lab = night(minutes((2, 22)))
+    events = lab.run([(30.0, lambda there: time.sleep(1.5))])
+    assert any("nothing ran here for 2" in text for text in events)
+    assert (lab.outcome.ending, len(lab.trace.time_s) > 300) == (Ending.FINISHED, True)
 
 
 def test_an_error_in_the_program_itself_comes_to_safety_first(night, monkeypatch):

@@ -86,6 +86,7 @@ _POLL_S = 0.02  # the machine's seconds between two looks at the program where n
 _PATIENCE_S = 15.0  # for the device to stop its actions, for gradients to be lifted, and for threads to end
 _SAFE_S = 60.0  # the machine's seconds for the chamber to confirm its safe set point
 _LONGEST_WAIT_S = 1800.0  # for a set point that the campaign waits for; then the run ends
+_ASLEEP_S = 10.0  # the machine's seconds in which nothing ran: the program was stopped, or the machine suspended
 _FRESH_PERIODS = 3.0  # an older sample of the device is no evidence of its steady state
 _SLOW_TIMES = 5  # an instrument whose answers take longer than its period so many times in a row cannot hold it
 
@@ -200,6 +201,7 @@ class Run:
         return control
 
     def _until_over(self) -> tuple[Ending, str]:
+        now_s = self.clock.now_s()
         while not self.program.over:
             self._receive()
             if crash := next((each.crash for each in self._workers if each.crash), None):
@@ -208,7 +210,11 @@ class Run:
                 return Ending.FAILED, f"{self.journal.path}: cannot be written ({self.journal.failure.strerror})"
             if why := self._supervision.stopping():
                 return Ending.STOPPED, why
-            now_s = self.clock.now_s()
+            before_s, now_s = now_s, self.clock.now_s()
+            if self._held_s is None and self.clock.wall_s(now_s - before_s) > _ASLEEP_S:
+                self._held_s = before_s
+                self._go_on()
+                self._note(f"nothing ran here for {now_s - before_s:.0f} s, which do not count as time in the step")
             # after an alarm the chamber is stopped: there is nothing more to do, but to go on logging
             if (why := self._unconfirmed(now_s) or self._limits.violation(now_s)) and self.alarm is None:
                 return Ending.LIMIT, why
