@@ -87,12 +87,12 @@ READINGS = {"a_degC": np.arange(20.0), "ambient_degC": np.arange(20.0)}
 
 def test_a_unit_may_be_of_any_type_that_is_text_and_have_another_file_that_is_named_after_it(tmp_path):
     time_s = np.arange(20.0)
-    for number, (one, other) in enumerate([(1.0, 2.5), (b"001", b"a/b"), ([3], [4])]):
+    for number, (one, other) in enumerate([(1.0, 2.5), (b"001", b"a/b"), ([3], [4]), ("ü", "样机" * 15)]):
         mixed = {"unit": [one] * 8 + [other] * 12, "time_s": time_s, **READINGS}
         pq.write_table(pa.table(mixed), tmp_path / f"{number}.parquet")
     pq.write_table(pa.table({"time_s": 20.0 + time_s, **READINGS}), tmp_path / "2.5.parquet")
     rows = {name: each.trace and len(each.trace.time_s) for name, each in read(tmp_path).items()}
-    assert rows == {"001": 8, "1": 8, "2": None, "2.5": 32, "a/b": 12}
+    assert rows == {"001": 8, "1": 8, "2": None, "2.5": 32, "a/b": 12, "ü": 8, "样机" * 15: None}
 
 
 def test_the_number_of_a_row_is_no_time(tmp_path):

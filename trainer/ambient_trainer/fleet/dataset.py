@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
-from urllib.parse import unquote
+from urllib.parse import quote, unquote
 
 import numpy as np
 
@@ -34,6 +34,12 @@ _BYTES_A_ROW = 50
 FEWEST = 2
 """Units of a population."""
 _REASONS = 3
+_LONGEST_NAME = 230
+
+
+def model_name(unit: str) -> str:
+    """What the model file of a unit is called."""
+    return f"{quote(unit, safe=' ')}.json"
 
 
 class Piece(NamedTuple):
@@ -59,7 +65,7 @@ class Entry:
         """What is wrong with it, its size too."""
         if self.reason is None and self.size > _LARGEST_BYTES:
             return f"{self.size:,} bytes: cut it, no unit's log is larger than a gigabyte"
-        return self.reason
+        return self.reason if len(model_name(self.unit)) <= _LONGEST_NAME else "its name is too long for that of a file"
 
 
 @dataclass(frozen=True)

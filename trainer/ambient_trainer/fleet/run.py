@@ -12,7 +12,6 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from urllib.parse import quote
 
 import numpy as np
 import pandas as pd
@@ -24,7 +23,7 @@ from ambient_trainer.data.trace import sha256_of
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.registry import estimator, thermal_circuit
 from ambient_trainer.fleet import fit_units, outliers
-from ambient_trainer.fleet.dataset import FEWEST, Entry, entries, too_few
+from ambient_trainer.fleet.dataset import FEWEST, Entry, entries, model_name, too_few
 from ambient_trainer.fleet.engine import Engine, Job, unpacked
 from ambient_trainer.fleet.fit_units import Learnt, Looked, Question, Start
 from ambient_trainer.fleet.outliers import Outlier
@@ -195,8 +194,9 @@ def _written(fitted: Stage, folder: str, circuit: str, start: Start, learnt: Lea
     rows = []
     for each in itertools.chain.from_iterable(fitted.results()):
         rows.append(each.row)
+        path = os.path.join(models, model_name(each.row["unit"]))
         if each.model is not None:
-            write_whole(os.path.join(models, f"{quote(each.row['unit'], safe=' ')}.json"), each.model.encode())
+            write_whole(path, each.model.encode())
     table = outliers.scored(pd.DataFrame(rows))
     stream = io.BytesIO()
     table.to_parquet(stream, index=False)
