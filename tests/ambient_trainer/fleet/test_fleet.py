@@ -135,12 +135,13 @@ def test_an_interrupted_run_goes_on_and_another_is_refused(logs, tmp_path, monke
         at.fit_fleet(logs, "free-1", tmp_path / "part", engine="serial", effort=EFFORT, progress=stop)
     with pytest.raises(Refused):
         at.fit_fleet(logs, "free-2", tmp_path / "part", engine="serial", effort=EFFORT, resume=True)
+    (tmp_path / "part/.parts/look-000001.pickle").write_bytes(b"")  # after a power failure
     begun = []
     monkeypatch.setattr(fit_units, "begin", lambda *_: begun.append(1))
     asked = {"engine": "serial", "effort": EFFORT, "progress": lambda *now: seen.append(now)}
     at.fit_fleet(logs, "free-1", tmp_path / "part", resume=True, **asked)
     assert not begun
-    assert ("looking at units", 2, 4) in seen
+    assert ("looking at units", 1, 4) in seen
     part, unbroken = (Path(each, "fleet.parquet") for each in (tmp_path / "part", whole.fitted.folder))
     assert part.read_bytes() == unbroken.read_bytes()
 

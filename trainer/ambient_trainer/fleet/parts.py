@@ -59,7 +59,8 @@ class Parts:
     def stage(self, name: str, what: str, job: Job) -> Stage:
         """The results of a job, whose missing tasks are done; progress calls it ``what``."""
         stage, count = Stage(self._folder, name, len(job.items)), len(job.items)
-        missing = [number for number in range(count) if not os.path.exists(stage.paths[number])]
+        # a power failure may leave the name of a file without its content
+        missing = [n for n, path in enumerate(stage.paths) if not os.path.exists(path) or not os.path.getsize(path)]
         done = count - len(missing)
         self.progress(what, done, count)
         for number, found in self._engine.run(job, missing):
