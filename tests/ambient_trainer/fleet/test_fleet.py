@@ -86,8 +86,11 @@ REASONS = {"no-reference": "ambient_degC", "no-sensor": "usb_degC", "all-missing
 
 def test_a_unit_that_cannot_be_fitted_is_a_row_with_the_reason(broken, trainer, tmp_path):
     asked = ("fleet", broken, "--circuit", "free-1", "--engine", "serial", "--starts", 1)
+    stale = tmp_path / "one/models/no-sensor.json"
+    stale.parent.mkdir(parents=True)
+    stale.touch()
     status, _, _ = trainer(*asked, "-o", tmp_path / "one", "--json", tmp_path / "one.json")
-    assert status == 0
+    assert (status, stale.exists()) == (0, False)
     table = pd.read_parquet(tmp_path / "one" / "fleet.parquet").set_index("unit")
     failed = table[table["status"] == "failed"]["reason"]
     assert set(failed.index) == set(REASONS)

@@ -197,6 +197,8 @@ def _written(fitted: Stage, folder: str, circuit: str, start: Start, learnt: Lea
         path = os.path.join(models, model_name(each.row["unit"]))
         if each.model is not None:
             write_whole(path, each.model.encode())
+        elif os.path.exists(path):  # of a run before
+            os.unlink(path)
     table = outliers.scored(pd.DataFrame(rows))
     stream = io.BytesIO()
     table.to_parquet(stream, index=False)
