@@ -67,7 +67,7 @@ def test_a_frame_gives_what_its_dataset_gives(fitted, fleet_units, tmp_path):
 
 @pytest.fixture
 def broken(fleet_units, tmp_path):
-    """A folder of traces of which four cannot be fitted."""
+    """A folder of traces of which four cannot be fitted; of one the clock was set meanwhile, one has hours as steps."""
     folder = tmp_path / "logs"
     folder.mkdir()
     for each in fleet_units[:8]:
@@ -78,6 +78,9 @@ def broken(fleet_units, tmp_path):
     dead = {**trace.columns, "usb_degC": np.nan * trace.time_s}
     save_trace(f"{folder}/all-missing.csv", replace(trace, columns=dead))
     (folder / "empty.csv").write_text("")
+    set_s = trace.time_s + 1.7e9 * (trace.time_s > 900.0)
+    for name, time_s in {"clock-set": set_s, "hourly": 360.0 * trace.time_s}.items():
+        save_trace(f"{folder}/{name}.csv", replace(trace, time_s=time_s))
     return folder
 
 

@@ -19,13 +19,14 @@ from ambient_model.codec import encode
 from ambient_model.faults import Refused
 from ambient_model.model import SCORES
 from ambient_model.trace import REFERENCE
+from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimators.base import USUAL, Effort, Fit
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.fleet.dataset import FEWEST, Entry, Log, Source, logs, reason_of, too_few
 from ambient_trainer.fleet.pooling import Normal, Population, Posterior, deviance
-from ambient_trainer.fleet.space import MAIN, SECONDARY, Space, assembled, changed, members, space_of
+from ambient_trainer.fleet.space import MAIN, SECONDARY, Space, assembled, changed, grids, members, space_of
 
 _GRID_SAMPLES = 20_000
 """The population's time constants are fitted to about so many samples of the units that it is begun with."""
@@ -108,18 +109,21 @@ def begin(efforts: Sequence[Effort], wanted: Sequence[Entry], question: Question
         if method.reads_any and not columns:  # temperatures of more than half, in the order of the first that has them
             counts = Counter(name for trace in read for name in trace.columns if name.endswith("_degC"))
             columns = tuple(name for name, count in counts.items() if 2 * count > len(read) and name != REFERENCE)
+        periods_s = [sampling_period_s(trace.time_s) for trace in read] or [1.0]
+        # a clock that was set within a log makes no long one, and a slower logger no coarse grid for all
+        own_s = float(np.quantile(periods_s, 0.5, method="higher"))
+        total_s = sum(each * (len(trace.time_s) - 1) for each, trace in zip(periods_s, read) if each <= own_s)
+        period_s = max(own_s, float(np.ceil(total_s / _GRID_SAMPLES)))
         traces = []
         for trace in read:
             try:
-                method.training([trace], columns or None, None, 1)
+                training = method.training([trace], columns or None, period_s, 1)
+                grids(_thinned(trace, period_s), training.columns)
                 traces.append(trace)
             except Refused as refused:
                 reasons[trace.path] = reason_of(refused)
         if len(traces) < FEWEST:
             raise too_few(question.path, reasons.items())
-        total_s = sum(float(trace.time_s[-1] - trace.time_s[0]) for trace in traces)
-        own_s = max(float(np.median(np.diff(trace.time_s))) for trace in traces)
-        period_s = max(own_s, float(np.ceil(total_s / _GRID_SAMPLES)))
         thin, units = [_thinned(trace, period_s) for trace in traces], tuple(trace.path for trace in traces)
 
         def slim(fit: Fit, _: str) -> Fit:
