@@ -172,7 +172,7 @@ def fleet(plan: FleetPlan, progress: Progress | None = None) -> Iterator[FleetUn
     if len(plan.hide) > plan.count:
         raise refuse("--hide", "", f"{len(plan.hide)} effects for {plan.count} units", "hide fewer, or draw more units")
     chosen = stream(plan.seed, "units with an effect").choice(plan.count, len(plan.hide), replace=False) + 1
-    duration_s = min(scenario.duration_s, 60 * (plan.minutes or np.inf))
+    duration_s = scenario.duration_s if plan.minutes is None else 60 * plan.minutes
     hidden = {
         int(number): parse_hidden([text], plan.seed + int(number), duration_s, device)
         for number, text in zip(chosen, plan.hide)
