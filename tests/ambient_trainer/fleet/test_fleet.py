@@ -78,9 +78,8 @@ def broken(fleet_units, tmp_path):
     dead = {**trace.columns, "usb_degC": np.nan * trace.time_s}
     save_trace(f"{folder}/all-missing.csv", replace(trace, columns=dead))
     (folder / "empty.csv").write_text("")
-    set_s = trace.time_s + 1.7e9 * (trace.time_s > 900.0)
-    for name, time_s in {"clock-set": set_s, "hourly": 360.0 * trace.time_s}.items():
-        save_trace(f"{folder}/{name}.csv", replace(trace, time_s=time_s))
+    save_trace(f"{folder}/clock-set.csv", replace(trace, time_s=trace.time_s + 1.7e9 * (trace.time_s > 900.0)))
+    save_trace(f"{folder}/hourly.csv", replace(trace, time_s=360.0 * trace.time_s))
     return folder
 
 

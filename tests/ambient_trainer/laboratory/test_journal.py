@@ -86,14 +86,12 @@ def test_where_the_program_was_left(added, left):
     assert Record(HEAD, tuple(added)).left == left
 
 
-def test_a_stepped_calendar_does_not_move_a_runs_time_and_counts_only_over_a_new_start(monkeypatch):
+def test_a_runs_time_goes_on_in_a_suspension_and_no_stepped_calendar_moves_it_but_over_a_new_start(monkeypatch):
     head = Head.now("5", "ab", 10.0, True)
     monkeypatch.setattr(time, "time", lambda: 1060.0)
     assert 0.0 <= head.now_s() < 100.0
     assert head._replace(boot="another", began_unix_s=1000.0).now_s() == 600.0
-
-
-def test_a_run_s_time_goes_on_while_the_machine_is_suspended(monkeypatch):
+    # suspended for two hours
     clock, head, awake_s = Clock(), Head.now("5", "ab", 1.0, False), time.clock_gettime
     monkeypatch.setattr(time, "clock_gettime", lambda which: awake_s(which) + 7200.0 * (which == time.CLOCK_BOOTTIME))
     assert clock.now_s() == pytest.approx(head.now_s(), abs=1.0) == pytest.approx(7200.0, abs=10.0)

@@ -77,8 +77,8 @@ def test_nothing_is_beyond_what_can_be_and_a_case_is_that_of_its_layers(many):
 
 
 def test_what_drives_an_effect_in_one_unit_is_logged_in_every_unit():
-    later = "heat_source:soc:1W:signal=radio_on:from=388min"  # the scenario lasts 385
-    plan = FleetPlan("5", 3, period_s=60.0, minutes=410.0, hide=(later,))
+    # half an hour longer than the scenario
+    plan = FleetPlan("5", 3, period_s=60.0, minutes=410.0, hide=("heat_source:soc:1W:signal=radio_on:from=388min",))
     units = list(fleet(plan))
     bare = list(fleet(replace(plan, hide=())))
     assert all(set(each.trace.columns["radio_on"]) == {0.0, 1.0} for each in units)
