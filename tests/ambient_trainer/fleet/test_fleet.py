@@ -88,18 +88,19 @@ REASONS = {"no-reference": "ambient_degC", "no-sensor": "usb_degC", "all-missing
 
 def test_a_unit_that_cannot_be_fitted_is_a_row_with_the_reason(broken, trainer, tmp_path):
     asked = ("fleet", broken, "--circuit", "free-1", "--engine", "serial", "--starts", 1)
-    stale = tmp_path / "one/models/no-sensor.json"
+    stale = broken / "one/models/no-sensor.json"
     stale.parent.mkdir(parents=True)
     stale.touch()
-    status, _, _ = trainer(*asked, "-o", tmp_path / "one", "--json", tmp_path / "one.json")
+    status, _, _ = trainer(*asked, "-o", broken / "one", "--json", tmp_path / "one.json")
     assert (status, stale.exists()) == (0, False)
-    table = pd.read_parquet(tmp_path / "one" / "fleet.parquet").set_index("unit")
+    table = pd.read_parquet(broken / "one" / "fleet.parquet").set_index("unit")
     failed = table[table["status"] == "failed"]["reason"]
     assert set(failed.index) == set(REASONS)
     for name, word in REASONS.items():
         assert word in failed[name], name
     assert json.loads((tmp_path / "one.json").read_text())["failed"] == failed.to_dict()
     assert trainer(*asked, "-o", tmp_path / "two", "--strict")[0] == 1
+    assert (tmp_path / "two/models/hourly.json").exists(), "what a run before has left among the logs is none"
     status, _, error = trainer(*asked, "-o", tmp_path / "three", "--diagnose", "nophone")
     assert (status, error.startswith("ambient-trainer: --diagnose: none is called 'nophone'")) == (1, True)
 

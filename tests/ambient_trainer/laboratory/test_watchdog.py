@@ -18,8 +18,7 @@ SAFE_DEGC = 20.0
 
 
 def watchdog_at(port):
-    chamber = settings("voetsch-vt4004", port=port, timeout_s=1.0)
-    return Watchdog(chamber, Target(SAFE_DEGC, urgent=True), "/gone/with/its/disk.log")
+    return Watchdog(settings("voetsch-vt4004", port=port, timeout_s=1.0), Target(SAFE_DEGC, urgent=True), "/gone/log")
 
 
 def driver_at(port):

@@ -133,7 +133,8 @@ def _files(path: str) -> Iterable[str]:
     found = []
     for folder, folders, names in os.walk(path):
         folders[:] = [each for each in folders if not each.startswith((".", "_"))]
-        found += [os.path.join(folder, each) for each in names if not each.startswith((".", "_"))]
+        made = "fleet.parquet" if "population.json" in names else None  # by a run before
+        found += [os.path.join(folder, each) for each in names if not each.startswith((".", "_")) and each != made]
     return sorted(each for each in found if each.endswith((*_CSV, _PARQUET)))
 
 
