@@ -38,8 +38,8 @@ class HiddenMass(Mechanism):
 
     @property
     def assumes(self) -> float:
-        # a temperature that stays is as much taken for granted as heat that does
-        return float(self._slower(_STAYS))
+        # a temperature that stays is as much taken for granted as heat that does, at each place
+        return float(len(self.places) * self._slower(_STAYS))
 
     @property
     def doubtful(self) -> bool:

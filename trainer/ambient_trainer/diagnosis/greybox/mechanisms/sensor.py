@@ -15,6 +15,8 @@ from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.lti.lag import lagged
 
 _HOUR_S = 3600.0
+_MOST_OFF_DEGC = 10.0
+"""Of a reference: what is further off measures something else."""
 
 
 class _Fault(InProportion):
@@ -212,4 +214,5 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
         yield ReferenceLag((AMBIENT,), (lag,))
         # at one node alone constant heat, and its own sensor's offset, do the same
         if sum(scene.loss(each) > 0 for each in scene.nodes) > 1:
-            yield ReferenceBias((AMBIENT,), (Number("bias_ambient", "degC", 0.0),))
+            most = _MOST_OFF_DEGC
+            yield ReferenceBias((AMBIENT,), (Number("bias_ambient", "degC", 0.0, low=-most, high=most),))
