@@ -31,7 +31,7 @@ _LEVELS, _SHORTEST_DELAY, _LONGEST_DELAY, _LONGEST_DELAY_S = 10, 6.0, 0.08, 3600
 """Samples, of the record, and what a pipe or a duct may take: a day's cycle delayed by hours is a mass."""
 WARMING = ("_W", "_kW", "_W_m2", "_kW_m2")
 THERMOELECTRIC = {"peltier", "tec"}
-_COOLERS = {"ac", "aircon", "chiller", "compressor", "cooler", "cooling", "freezer", "fridge", "hvac", *THERMOELECTRIC}
+_COOLERS = {"aircon", "chiller", "compressor", "cooler", "cooling", "freezer", "fridge", "hvac", *THERMOELECTRIC}
 """Words in the name of what takes heat away by the power that it uses, or, a Peltier element, by its current."""
 HEATERS = {"heater", "burner", "boiler", "lamp"}
 WORK = {*HEATERS, "load", "cpu", "gpu", "usage", "duty", "pwm"}
@@ -218,7 +218,9 @@ class Scene:
         """Whether physics forbids that it cools: heaters, powers, irradiances and squared currents, no cooler's."""
         text = driver.columns[0] if driver.level is not None else driver.text
         words = words_in(*driver.columns)
-        if not _COOLERS.isdisjoint(words) or "*" in text or text.startswith("d("):
+        # an ac conditions the air; an ac1 is one of several phases of an alternating current
+        cools = not _COOLERS.isdisjoint(words) or "ac" in driver.columns[0].split("_")
+        if cools or "*" in text or text.startswith("d("):
             return False
         return text.endswith((*WARMING, "_A^2", "_V^2")) or not HEATERS.isdisjoint(words)
 
