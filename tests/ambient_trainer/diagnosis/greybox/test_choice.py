@@ -11,7 +11,7 @@ from ambient_trainer.diagnosis.greybox.choice import choose
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.coupling import Coupling
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
-from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Clock
+from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Clock, ReferenceBias
 from ambient_trainer.diagnosis.greybox.model import Number
 
 SENSORS = ("board", "skin")
@@ -91,6 +91,16 @@ def test_an_instrument_is_a_likelier_cause_where_known_good_records_show_the_bod
     before.records = (SimpleNamespace(known_good=known_good),)
     assert choose(before, [fault, heat], 0.0) is (fault if known_good else heat)
     assert (choose(before, [fault], 0.0) is fault) == (known_good or not fault.mechanism.places)
+
+
+@pytest.mark.parametrize(
+    ("left_degC", "driver", "named"), [(1.3, "sun_W_m2", True), (1.7, "sun_W_m2", False), (1.3, None, False)]
+)
+def test_the_sun_goes_before_an_offset_of_the_reference(left_degC, driver, named):
+    """A measured lake is warmer than the air; which warms it on the average both say."""
+    offset, sun = trial(ReferenceBias, ("ambient",), 1.0, 1.0, 1.0), trial(Heat, SENSORS, *[left_degC] * 3)
+    sun.mechanism = replace(sun.mechanism, driver=driver and Expression(driver))
+    assert choose(fitted(4.0, 4.0, 4.0), [offset, sun], 0.0) is (sun if named else offset)
 
 
 def test_a_window_that_is_no_finding_keeps_no_clock_away():

@@ -150,7 +150,19 @@ def test_where_one_of_several_places_shows_nothing_the_others_are_compared(pair)
 
 @pytest.mark.parametrize(("melting_degC", "doubtful"), [(0.0, False), (30.0, True)])
 def test_only_water_melts_without_a_doubt(melting_degC, doubtful):
-    assert Latent(("fast",), (), melting_degC=melting_degC).doubtful == doubtful
+    body = Latent(("fast",), (), melting_degC=melting_degC)
+    assert (body.doubtful, body.assumes > 0) == (doubtful, doubtful)
+
+
+def test_bodies_that_stay_as_they_are_cost_as_much_at_each_place(pair):
+    """Racks of a measured server, and a refrigerator's sensors, had one each where there was constant heat."""
+    air = air_degC(np.random.default_rng(4))
+    trace = Trace("pair", TIME_S, {"fast_degC": air + 1.0, "slow_degC": air - 1.0, "ambient_degC": air})
+    held = records(trace, pair.inputs, ["fast_degC", "slow_degC"], 30.0)
+    bodies = [each for each in mass.candidates(Scene(bare_fit(GreyBox.of(pair), held))) if not each.sees_ambient]
+    for each in bodies:
+        stays = each.with_values([number.high if number.unit == "s" else number.value for number in each.numbers])
+        assert complexity(stays) - complexity(each) == len(each.places)
 
 
 @pytest.mark.slow
