@@ -139,8 +139,7 @@ def test_between_the_points_it_is_interpolated_and_beyond_them_the_nearest_holds
         ("2026-05-01T10:00:00+00:00", "yesterday", ["created", "'yesterday'"]),
     ],
 )
-def test_a_file_that_is_none_is_refused(tmp_path, before, after, parts):
-    path = tmp_path / "offsets.yaml"
-    path.write_text(FILE.replace(before, after))
-    said = str(refused(load_offsets, str(path)))
-    assert all(part in said for part in [str(path), *parts])
+def test_a_file_that_is_none_is_refused(write, before, after, parts):
+    path = write("offsets.yaml", FILE.replace(before, after))
+    said = str(refused(load_offsets, path))
+    assert all(part in said for part in [path, *parts])

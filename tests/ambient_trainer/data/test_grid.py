@@ -58,10 +58,9 @@ def test_a_longer_gap_may_be_bridged_as_are_ten_long_periods_and_nothing_is_comp
     np.testing.assert_allclose(found.inputs, [range(45)])
     assert np.flatnonzero(~np.isnan(found.outputs[0])).tolist() == [*range(5), *range(40, 45)]
     assert len(segments(trace, ["a_degC"], ["ambient_degC"], bridged_s=35.0)) == 2
-    trace = _trace([0, 10, 20, 120, 130, 140], a=range(6), ambient=range(6))
-    assert [each.inputs.shape for each in segments(trace, ["a_degC"], ["ambient_degC"], 10.0)] == [(1, 15)]
-    trace = _trace([0, 10, 20, 130, 140, 150], a=range(6), ambient=range(6))
-    assert [each.inputs.shape for each in segments(trace, ["a_degC"], ["ambient_degC"], 10.0)] == [(1, 3), (1, 3)]
+    for again_s, shapes in ((120, [(1, 15)]), (130, [(1, 3), (1, 3)])):
+        trace = _trace([0, 10, 20, again_s, again_s + 10, again_s + 20], a=range(6), ambient=range(6))
+        assert [each.inputs.shape for each in segments(trace, ["a_degC"], ["ambient_degC"], 10.0)] == shapes
 
 
 def test_what_is_too_short_is_refused():
@@ -96,17 +95,13 @@ X0 = tuple(map(tuple, np.linalg.solve(np.eye(2) - np.array(A), np.array(B)).toli
 INPUTS = tuple(Input(name, "degC", name, -1000.0, 1000.0) for name in "ab")
 
 
+STEPS_S = st.sampled_from([0.2, 0.5, 0.9, 1.0, 1.0, 1.0, 1.1, 3.0, 12.7, 29.0, 30.4, 31.0, 45.0])
+
+
 @st.composite
 def irregular_traces(draw):
     """Steps from a fifth of a period to beyond the bridge, jitter, values missing one by one."""
-    steps = draw(
-        st.lists(
-            st.sampled_from([0.2, 0.5, 0.9, 1.0, 1.0, 1.0, 1.1, 3.0, 12.7, 29.0, 30.4, 31.0, 45.0]),
-            min_size=8,
-            max_size=40,
-        )
-    )
-    time_s = np.cumsum([draw(st.floats(0, 100)), *steps])
+    time_s = np.cumsum([draw(st.floats(0, 100)), *draw(st.lists(STEPS_S, min_size=8, max_size=40))])
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     values = random.uniform(10, 40, size=(2, len(time_s)))
     values[random.uniform(size=values.shape) < draw(st.sampled_from([0, 0.1, 0.4]))] = np.nan

@@ -48,10 +48,8 @@ def test_the_epoch_is_by_notes_else_by_times_else_by_the_first_samples(starts, t
     assert [each.epoch_s for each in on_one_epoch([Logged(each, 0) for each in made])] == [0.0, epoch_s]
 
 
-def test_stamps_that_repeat_or_go_back_are_left_out(tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_text("# start: x\ntime_s,a_degC\n0,1\n10,2\n10,3\n5,4\n20,\n")
-    logged = load_logged(str(path))
+def test_stamps_that_repeat_or_go_back_are_left_out(write):
+    logged = load_logged(write("a.csv", "# start: x\ntime_s,a_degC\n0,1\n10,2\n10,3\n5,4\n20,\n"))
     assert (logged.trace.time_s.tolist(), logged.dropped_rows) == ([0, 10, 20], 2)
     assert logged.trace.notes == {"start": "x"}  # by which it is placed
     np.testing.assert_array_equal(logged.trace.columns["a_degC"], [1, 2, np.nan])

@@ -113,9 +113,7 @@ def test_what_a_temperature_may_do_stays_and_what_is_more_than_a_few(what):
     if what == "bursts of load":
         at = 20 + 150 * np.arange(19) + random.integers(0, 100, 19)
         read[at], read[at + 1] = read[at] + 16.0, read[at + 1] + 12.0
-    if what == "codes for a while":
-        read[700:720] = 85.0
-    if what == "codes at every tenth":
-        read[::10] = 85.0
+    codes = {"codes for a while": slice(700, 720), "codes at every tenth": slice(0, None, 10)}
+    read[codes.get(what, slice(0))] = 85.0
     trace = Trace("log", np.arange(float(SAMPLES)), {"box_degC": read})
     assert without_spikes(trace) == (trace, {}), seed

@@ -1,13 +1,10 @@
 """Every condition of a stress has its row, whatever the period, and where nothing can be estimated it says so."""
 
-import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from ambient_model.codec import save_model
-from ambient_trainer.cli.main import trainer
 from ambient_trainer.data.trace import save_trace
 from ambient_trainer.evaluation.stress import FAULTS, stress
 
@@ -26,20 +23,15 @@ def test_all_conditions_are_scored_at_any_period(period_s):
     assert wrong.tracking_off == pytest.approx(1.0)
 
 
-def test_a_condition_that_leaves_no_estimate_is_a_row_without_errors(tmp_path):
+def test_a_condition_that_leaves_no_estimate_is_a_row_without_errors(saved, figures, tmp_path):
     model, trace = two_sensor_model(), sensor_trace(300)
     # so low a range that no truncated reading lies in it
     model = model._replace(main=model.main._replace(inputs=tuple(e._replace(min=24.2) for e in model.main.inputs)))
     read = 24.3 + 0.6 * np.random.default_rng(0).random(300)
     columns = {**trace.columns, "usb_degC": read, "battery_degC": read}
-    save_trace(str(tmp_path / "t.csv"), type(trace)("t.csv", trace.time_s, columns))
-    save_model(str(tmp_path / "m.json"), model)
-    told = ["evaluate", str(tmp_path / "m.json"), str(tmp_path / "t.csv"), "--stress", "--json", str(tmp_path / "o")]
-    result = CliRunner().invoke(trainer, told)
-    assert result.exit_code == 0, result.output
-    rows = {each["condition"]: each for each in json.loads((tmp_path / "o").read_text())["stress"]}
-    nothing = rows["truncated to 1 degC"]
-    assert (nothing["rmse_degC"], nothing["largest_degC"], nothing["coverage90"], nothing["tracking"]) == (
-        None,
-    ) * 3 + (0,)
+    save_trace(str(tmp_path / "t.csv"), replace(trace, columns=columns))
+    found, _ = figures("evaluate", saved(model), tmp_path / "t.csv", "--stress")
+    rows = {each["condition"]: each for each in found["stress"]}
+    told = [rows["truncated to 1 degC"][name] for name in ("rmse_degC", "largest_degC", "coverage90", "tracking")]
+    assert told == [None, None, None, 0]
     assert rows["as logged"]["rmse_degC"] > 0
