@@ -15,9 +15,8 @@ def here(tmp_path, monkeypatch):
     """A folder with a file, a folder with something in the page's place, and one into which nothing can be written."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "notes.txt").write_text("kept")
-    (tmp_path / "taken" / "index.html").mkdir(parents=True)
-    (tmp_path / "page").mkdir()
-    (tmp_path / "closed").mkdir()
+    for name in ("taken/index.html", "page", "closed"):
+        (tmp_path / name).mkdir(parents=True)
     (tmp_path / "leads_nowhere").symlink_to(tmp_path / "gone")
     writable = os.access  # whoever runs the tests may be allowed everything
     monkeypatch.setattr(os, "access", lambda path, mode: "closed" not in str(path) and writable(path, mode))

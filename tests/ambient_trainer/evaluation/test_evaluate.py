@@ -155,10 +155,8 @@ def test_training_samples_are_recognised(tmp_path, trained, evaluated, overlaps)
     path = str(tmp_path / "renamed.csv")
     save_trace(path, sensor_trace(100))
     span = {"trace": "original.csv", "sha256": sha256_of(path), "from_s": trained[0], "to_s": trained[1]}
-    assert (
-        evaluate_cold(two_sensor_model({"training": [span]}), load_trace(path), *evaluated).overlaps_training
-        is overlaps
-    )
+    found = evaluate_cold(two_sensor_model({"training": [span]}), load_trace(path), *evaluated)
+    assert found.overlaps_training is overlaps
 
 
 def test_the_terminal_shows_the_figures_of_the_json(files, figures):

@@ -70,16 +70,14 @@ def broken(fleet_units, tmp_path):
     """A folder of traces of which four cannot be fitted; of one the clock was set meanwhile, one has hours as steps."""
     folder = tmp_path / "logs"
     folder.mkdir()
-    for each in fleet_units[:8]:
-        save_trace(f"{folder}/{each.name}.csv", each.trace)
-    trace = fleet_units[0].trace
-    save_trace(f"{folder}/no-reference.csv", _without(trace, "ambient_degC"))
-    save_trace(f"{folder}/no-sensor.csv", _without(trace, "usb_degC"))
-    dead = {**trace.columns, "usb_degC": np.nan * trace.time_s}
-    save_trace(f"{folder}/all-missing.csv", replace(trace, columns=dead))
     (folder / "empty.csv").write_text("")
-    save_trace(f"{folder}/clock-set.csv", replace(trace, time_s=trace.time_s + 1.7e9 * (trace.time_s > 900.0)))
-    save_trace(f"{folder}/hourly.csv", replace(trace, time_s=360.0 * trace.time_s))
+    made, trace = {each.name: each.trace for each in fleet_units[:8]}, fleet_units[0].trace
+    made |= {"no-reference": _without(trace, "ambient_degC"), "no-sensor": _without(trace, "usb_degC")}
+    made["all-missing"] = replace(trace, columns={**trace.columns, "usb_degC": np.nan * trace.time_s})
+    made["clock-set"] = replace(trace, time_s=trace.time_s + 1.7e9 * (trace.time_s > 900.0))
+    made["hourly"] = replace(trace, time_s=360.0 * trace.time_s)
+    for name, each in made.items():
+        save_trace(f"{folder}/{name}.csv", each)
     return folder
 
 

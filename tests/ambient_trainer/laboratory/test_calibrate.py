@@ -42,10 +42,8 @@ def test_the_simulated_bath_is_recorded_and_gives_the_same_offsets_again_or_none
     assert "it lasts 0 s of 120 s" in printed + said, "without a terminal, too, it says what it waits for"
     assert list(load_trace(record).columns) == ["bath_degC", "air1_degC", "air2_degC", "air3_degC", "air4_degC"]
     assert trainer("calibrate", record, "--window", 120, "-o", again)[0] == 0
-    first, second = load_offsets(output), load_offsets(again)
-    assert {name: offset.at(0.0) for name, offset in first.items()} == pytest.approx(
-        {name: offset.at(0.0) for name, offset in second.items()}, abs=0.02
-    )
+    first, second = ({name: each.at(0.0) for name, each in load_offsets(path).items()} for path in (output, again))
+    assert first == pytest.approx(second, abs=0.02)
     unsettled = tmp_path / "unsettled.yaml"
     assert trainer("calibrate", record, "-o", unsettled, "--window", 90000)[0] == 1
     assert not unsettled.exists()

@@ -151,9 +151,8 @@ def test_what_is_not_ready_is_named_and_nothing_moves(night):
 
     lab = night(minutes((2, 22)))
     faults = [str(fault) for fault in refused(lab.run, before=prepare).faults]
-    for fault, source, part in zip(
-        faults, ("chamber", "multiplexer", "device"), ("07 overtemperature", "air2", "no devices/emulators found")
-    ):
+    told = {"chamber": "07 overtemperature", "multiplexer": "air2", "device": "no devices/emulators found"}
+    for fault, (source, part) in zip(faults, told.items()):
         assert fault.startswith(f"{source} on ")
         assert part in fault
     assert (len(faults), lab.held_degC, lab.part.exists()) == (3, None, False)

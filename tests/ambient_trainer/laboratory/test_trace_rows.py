@@ -12,6 +12,7 @@ from ambient_trainer.simulator.scenario import scenario_path
 
 CAMPAIGN = load_campaign(scenario_path("1"), ports=False).campaign
 HEAD = Head("1", "", 0.0, 1.0, False)
+FIRST = StepBegan(0.0, 0, 0.0)
 ZONES = CAMPAIGN.laboratory.device.columns
 
 
@@ -25,7 +26,7 @@ def zones(asked_s, degC, delay_s=0.1, **others):
 
 
 def rows(*entries):
-    record = Record(HEAD, (StepBegan(0.0, 0, 0.0), StepBegan(100.3, 1, 0.0), *entries))
+    record = Record(HEAD, (FIRST, StepBegan(100.3, 1, 0.0), *entries))
     grid = grid_of(record, CAMPAIGN)
     assert grid == Grid(100.0, 1.0)
     found = trace_rows(record, CAMPAIGN, grid).astype(object)
@@ -74,30 +75,23 @@ def test_a_stop_is_a_gap_in_which_nothing_is_known():
 
 
 def test_the_grid_begins_with_the_recording_and_has_a_row_for_each_period():
-    record = Record(HEAD, (StepBegan(0.0, 0, 0.0), scan(3.0, 20.0)))
+    record = Record(HEAD, (FIRST, scan(3.0, 20.0)))
     assert grid_of(record, CAMPAIGN) is None
     whole = Record(HEAD, (*record.entries, StepBegan(10.0, 1, 0.0)))
-    assert laboratory_rows(whole, CAMPAIGN, grid_of(whole, CAMPAIGN)).reset_index().to_numpy().tolist() == [
-        [-7.0, 0.2, 20.0]
-    ]
-    record = Record(
-        HEAD, (StepBegan(0.0, 0, 0.0), StepBegan(900.4, 1, 0.0), StepBegan(2700.4, 2, 0.0), End(2712.0, "finished"))
-    )
+    beside = laboratory_rows(whole, CAMPAIGN, grid_of(whole, CAMPAIGN))
+    assert beside.reset_index().to_numpy().tolist() == [[-7.0, 0.2, 20.0]]
+    record = Record(HEAD, (FIRST, StepBegan(900.4, 1, 0.0), StepBegan(2700.4, 2, 0.0), End(2712.0, "finished")))
     assert len(trace_rows(record, CAMPAIGN, grid_of(record, CAMPAIGN))) == 1800
-    record = Record(
-        HEAD, (StepBegan(0.0, 0, 0.0), StepBegan(900.0, 1, 0.0), StepBegan(5000.0, 1, 300.0), End(5100.0, ""))
-    )
+    record = Record(HEAD, (FIRST, StepBegan(900.0, 1, 0.0), StepBegan(5000.0, 1, 300.0), End(5100.0, "")))
     assert grid_of(record, CAMPAIGN) == Grid(900.0, 1.0)
 
 
 @given(st.lists(st.tuples(st.integers(0, 60), st.floats(0.0, 0.6), st.floats(-20, 60)), max_size=30))
 def test_no_value_appears_that_was_not_said_in_its_second(asked):
     samples = [zones(100.0 + k + late, round(degC, 1), delay_s=0.1) for k, late, degC in sorted(asked)]
-    said = {}
-    for k, _, degC in sorted(asked):
-        said[k] = round(degC, 1)
+    said = {float(k): round(degC, 1) for k, _, degC in sorted(asked)}
     found = {time_s: row["soc_degC"] for time_s, row in rows(*samples, End(165.0, "")) if row["soc_degC"] is not None}
-    assert found == {float(k): degC for k, degC in said.items()}
+    assert found == said
 
 
 def test_where_several_actions_speak_the_largest_counts():

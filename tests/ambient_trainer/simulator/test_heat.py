@@ -32,9 +32,8 @@ def _solved(balance, run, period_s):
         def derivative(t, x, air=run.air_degC[k], slope=slope, demand=demand):
             return balance.rates(x[None], np.array([air + slope * t]), demand)[0]
 
-        states.append(
-            solve_ivp(derivative, (0, period_s), states[-1], method="DOP853", rtol=1e-10, atol=1e-10).y[:, -1]
-        )
+        solved = solve_ivp(derivative, (0, period_s), states[-1], method="DOP853", rtol=1e-10, atol=1e-10)
+        states.append(solved.y[:, -1])
     return np.array(states)
 
 
@@ -77,9 +76,7 @@ def test_convection_grows_with_the_power_of_five_quarters(balance):
 def test_the_governor_holds_the_die_near_90_degrees(balance):
     phone = _PHONE.processor.governor
     middle = (phone.low_degC + phone.high_degC) / 2
-    powers_W = [
-        float(balance.governed_W(np.array([temp]), np.array([8.0]))[0]) for temp in (phone.low_degC, middle, 120.0)
-    ]
+    powers_W = balance.governed_W(np.array([phone.low_degC, middle, 120.0]), np.full(3, 8.0))
     assert powers_W == pytest.approx([8.0, 8.0 * (1 + phone.floor_frac) / 2, 8.0 * phone.floor_frac])
 
 

@@ -14,6 +14,7 @@ from ambient_trainer.simulator.text import hidden_text
 
 _PHONE = load_device()
 NODES = tuple(_PHONE.nodes)
+_BALANCE = HeatBalance([_PHONE])
 _COUNT = 1500
 _ONSET_S, _END_S = 300.0, 1200.0
 
@@ -74,12 +75,11 @@ def driven():
 def test_heat_in_is_heat_stored_plus_heat_lost(driven, effect):
     """A budget of the whole run from temperatures alone: what flows between two things appears in none of its sums."""
     part, done = driven[effect]
-    balance = HeatBalance([_PHONE])
     nodes, bodies, air = done.nodes_degC, done.bodies_degC, done.run.air_degC
-    taken_W = balance.heat_in(nodes, balance.demand(done.run.activity, np.ones(_COUNT))).sum(axis=1)
+    taken_W = _BALANCE.heat_in(nodes, _BALANCE.demand(done.run.activity, np.ones(_COUNT))).sum(axis=1)
     terms_W = np.zeros(_COUNT - 1)
     for term in part.terms:  # coefficients hold until the next sample
-        terms_W += term.course[:-1] * _means(TERMS[term.kind](nodes, air, balance) @ term.pattern)
+        terms_W += term.course[:-1] * _means(TERMS[term.kind](nodes, air, _BALANCE) @ term.pattern)
     temperatures = {AIR: air, **dict(zip(NODES, nodes.T)), **{b.name: t for b, t in zip(part.bodies, bodies.T)}}
     fixed = {AIR, *(body.name for body in part.bodies if np.isinf(body.capacity_J_K))}
     outside_W = np.zeros(_COUNT - 1)
@@ -87,9 +87,9 @@ def test_heat_in_is_heat_stored_plus_heat_lost(driven, effect):
         if fixed & {link.one, link.other}:
             inner, outer = (link.one, link.other) if link.other in fixed else (link.other, link.one)
             outside_W += link.conductance_W_K[:-1] * _means(temperatures[outer] - temperatures[inner])
-    lost_W = balance.lost(nodes, air).sum(axis=1)
+    lost_W = _BALANCE.lost(nodes, air).sum(axis=1)
     finite = [k for k, body in enumerate(part.bodies) if np.isfinite(body.capacity_J_K)]
-    stored_J = balance.capacitance[0] @ (nodes[-1] - nodes[0]) + sum(
+    stored_J = _BALANCE.capacitance[0] @ (nodes[-1] - nodes[0]) + sum(
         part.bodies[k].capacity_J_K * (bodies[-1, k] - bodies[0, k]) for k in finite
     )
     budget_J = (_means(taken_W - lost_W) + terms_W + outside_W).sum()
@@ -126,7 +126,7 @@ def test_what_is_attached_since_ever_is_at_rest_with_the_phone():
 
 def test_a_strap_conducts_the_stated_heat_at_rest():
     part = _added(Hidden("path", "flash-usb", None, 0.0, None, 0.2))
-    additions = Additions(HeatBalance([_PHONE]), [part])
+    additions = Additions(_BALANCE, [part])
     flash, usb = NODES.index("flash"), NODES.index("usb")
     state = np.zeros((1, additions.width))
     state[0, flash], state[0, usb] = 40.0, 20.0
@@ -137,10 +137,9 @@ def test_a_strap_conducts_the_stated_heat_at_rest():
 
 def test_a_fan_doubles_the_convection_at_ten_kelvin_and_only_that():
     part = _added(Hidden("ambient_coupling", None, None, 0.0, None, -0.5))
-    balance = HeatBalance([_PHONE])
     nodes, air = np.full((1, len(NODES)), 30.0), np.array([20.0])
-    more_W = TERMS["blown"](nodes, air, balance)[0] * part.terms[0].pattern
-    assert -more_W == pytest.approx(balance.convected(nodes, air)[0])
+    more_W = TERMS["blown"](nodes, air, _BALANCE)[0] * part.terms[0].pattern
+    assert -more_W == pytest.approx(_BALANCE.convected(nodes, air)[0])
     assert [term.kind for term in part.terms] == ["blown"]
     assert part.terms[0].course.mean() == pytest.approx(1.0, abs=0.05)  # turbulence
 
@@ -154,15 +153,14 @@ def test_a_case_takes_from_convection_and_radiation_and_never_all_of_it():
     assert all(np.count_nonzero(term.pattern) == 1 for term in terms.values())
     cases = [Hidden("ambient_coupling", None, None, 0.0, None, 9.0)] * 3
     part = together([_added(case) for case in cases])
-    coefficients = Additions(HeatBalance([_PHONE]), [part]).coefficients(0)
+    coefficients = Additions(_BALANCE, [part]).coefficients(0)
     assert min(coefficient.min() for coefficient in coefficients.values()) > -1.0
 
 
 def test_a_draught_is_like_convection_at_fifteen_kelvin_nearly_nothing_below_and_limited_above():
-    balance = HeatBalance([_PHONE])
     nodes = np.full((4, len(NODES)), 20.0)
     air = np.array([5.0, 17.0, 35.0, -180.0])
-    drawn_W, own_W = TERMS["draught"](nodes, air, balance), -balance.convected(nodes, air)
+    drawn_W, own_W = TERMS["draught"](nodes, air, _BALANCE), -_BALANCE.convected(nodes, air)
     display = NODES.index("display")
     assert drawn_W[:, display] / own_W[:, display] == pytest.approx([1.0, 0.0769, 1.0, 1.9888], abs=1e-3)
 
@@ -246,7 +244,6 @@ def test_a_drift_reaches_what_it_says_but_not_in_a_straight_line():
 
 def test_a_clock_ahead_makes_the_reference_late():
     step = np.where(np.arange(3000) < 1000, 0.0, 1.0)
-    late = _ailing(Hidden("clock_offset", None, None, 0.0, None, 60.0), "air", step)
-    early = _ailing(Hidden("clock_offset", None, None, 0.0, None, -60.0), "air", step)
-    assert np.argmax(late > 0.5) == pytest.approx(1060, abs=1)
-    assert np.argmax(early > 0.5) == pytest.approx(940, abs=1)
+    for ahead_s in (60.0, -60.0):
+        shifted = _ailing(Hidden("clock_offset", None, None, 0.0, None, ahead_s), "air", step)
+        assert np.argmax(shifted > 0.5) == pytest.approx(1000 + ahead_s, abs=1)

@@ -97,9 +97,7 @@ def test_the_truth_names_it_and_its_magnitude(simulated, effect):
 
 def test_the_truth_has_the_thesiss_names_and_the_size_at_the_worst_sensor(simulated):
     named = {effect.location: run.truths[0].sensor_location for effect, run in simulated.items()}
-    assert named["board2"] == "battery"
-    assert named["flash-usb"] == "flash-usb"
-    assert named["back"] is None
+    assert (named["board2"], named["flash-usb"], named["back"]) == ("battery", "flash-usb", None)
     (told,) = simulated[_ONE_OF_EACH[11]].truths
     assert told.worst == "usb_degC"
     assert told.size_degC == pytest.approx(2.0, abs=0.05)

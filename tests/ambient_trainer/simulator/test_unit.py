@@ -82,11 +82,8 @@ def test_what_drives_an_effect_in_one_unit_is_logged_in_every_unit():
     units = list(fleet(plan))
     bare = list(fleet(replace(plan, hide=())))
     assert all(set(each.trace.columns["radio_on"]) == {0.0, 1.0} for each in units)
-    changed = [
-        name
-        for name, one, other in zip((each.name for each in units), units, bare)
-        if not np.array_equal(one.trace.columns["soc_degC"], other.trace.columns["soc_degC"])
-    ]
+    chips = [[each.trace.columns["soc_degC"] for each in some] for some in (units, bare)]
+    changed = [each.name for each, one, other in zip(units, *chips) if not np.array_equal(one, other)]
     assert changed == [each.name for each in units if each.truth["hidden"]]
     assert len(changed) == 1
 

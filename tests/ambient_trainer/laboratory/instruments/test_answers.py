@@ -18,7 +18,14 @@ SCAN = b"+2.61950000E+01,101,+2.61950000E+01,103\r\n"
 VALUE = bytes.fromhex("FE 05 26 71 00 48 F7 80 09")
 EXPECTED = {"chamber": "a state", "multiplexer": "2 readings, of (@101,103)", "thermometer": "its value"}
 OWN = {"chamber": STATE, "multiplexer": SCAN, "thermometer": VALUE}
-each_role = pytest.mark.parametrize("role", OWN)
+
+
+@pytest.fixture(params=OWN)
+def asked(bench, request):
+    """The bench of each role, which has been asked once."""
+    made = bench(request.param)
+    made.driver.read()
+    return made
 
 
 def recovered(bench) -> None:
@@ -58,16 +65,13 @@ def test_what_is_no_answer_or_that_to_another_question(bench, role, what):
     recovered(bench)
 
 
-@each_role
-def test_silence(bench, role):
-    bench = bench(role)
-    bench.driver.read()
-    mute(bench.simulated)
-    error = bench.failure(NoResponse)
-    assert (error.hint == "switch it on") == (role == "thermometer")
-    bench.failure(NoResponse)
-    mute(bench.simulated, False)
-    recovered(bench)
+def test_silence(asked):
+    mute(asked.simulated)
+    error = asked.failure(NoResponse)
+    assert (error.hint == "switch it on") == (asked.role == "thermometer")
+    asked.failure(NoResponse)
+    mute(asked.simulated, False)
+    recovered(asked)
 
 
 def test_an_instrument_that_sends_all_the_time_does_not_hold_up_for_ever(bench):
@@ -102,41 +106,33 @@ def test_several_threads_may_ask(bench):
         list(threads.map(ask, range(3)))  # an error of any comes out here
 
 
-@each_role
-def test_a_cable_that_is_pulled_and_put_in_again_and_a_port_that_went_is_let_go(bench, role):
-    bench = bench(role)
+def test_a_cable_that_is_pulled_and_put_in_again_and_a_port_that_went_is_let_go(asked):
     held, errors = [], []
     for _ in range(5):
-        recovered(bench)
-        bench.simulated.unplug()
-        errors += [bench.failure(Disconnected) for _ in range(2)]  # with the frames that the port was used in
-        bench.simulated.plug()
+        recovered(asked)
+        asked.simulated.unplug()
+        errors += [asked.failure(Disconnected) for _ in range(2)]  # with the frames that the port was used in
+        asked.simulated.plug()
         held.append(len(os.listdir("/proc/self/fd")))
     assert held[-1] == held[0]
 
 
-@each_role
-def test_a_cable_that_is_pulled_in_the_middle_of_an_answer(bench, role):
-    bench = bench(role)
-    bench.driver.read()
-    distort(bench.simulated, lambda reply: reply[:3])
-    puller = threading.Timer(0.1, bench.simulated.unplug)
+def test_a_cable_that_is_pulled_in_the_middle_of_an_answer(asked):
+    distort(asked.simulated, lambda reply: reply[:3])
+    puller = threading.Timer(0.1, asked.simulated.unplug)
     puller.start()
-    bench.failure(Disconnected)
+    asked.failure(Disconnected)
     puller.join()
-    bench.simulated.plug()
-    recovered(bench)
+    asked.simulated.plug()
+    recovered(asked)
 
 
-@each_role
-def test_a_port_that_is_in_use(bench, driver_at, role):
-    bench = bench(role)
-    bench.driver.read()
-    second = driver_at(role, bench.simulated.port, bench.clock)
+def test_a_port_that_is_in_use(asked, driver_at):
+    second = driver_at(asked.role, asked.simulated.port, asked.clock)
     with pytest.raises(Disconnected) as caught:
         second.read()
     assert "in use" in caught.value.got
-    bench.driver.close()
+    asked.driver.close()
     assert second.read()
 
 
