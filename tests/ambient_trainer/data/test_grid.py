@@ -23,13 +23,7 @@ NAN = float("nan")
 ON_THE_GRID = {
     "as it stands": (range(5), [1, 2, 3, 4, 5], [9, 8, NAN, 6, 5], [1, 2, 3, 4, 5], [9, 8, NAN, 6, 5]),
     "a short gap is a straight line": ([0, 1, 4, 5], [1, 2, 8, 9], [1] * 4, [1, 2, 4, 6, 8, 9], [1, 1, NAN, NAN, 1, 1]),
-    "the last on a grid point counts": (
-        [0, 1, 1.2, 2, 3],
-        [0, 1, 5, 2, 3],
-        [0, 1, 5, NAN, 3],
-        [0, 5, 2, 3],
-        [0, 5, NAN, 3],
-    ),
+    "the last on a point counts": ([0, 1, 1.2, 2, 3], [0, 1, 5, 2, 3], [0, 1, 5, NAN, 3], [0, 5, 2, 3], [0, 5, NAN, 3]),
     "none before every input is there": (range(5), [NAN, NAN, 2, 3, 4], range(5), [2, 3, 4], [2, 3, 4]),
     "half a period rounds up": (np.arange(7) / 2, range(7), range(7), [0, 2, 4, 6], [0, 2, 4, 6]),
 }

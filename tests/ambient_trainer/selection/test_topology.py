@@ -125,7 +125,5 @@ def test_an_edge_that_conducts_nothing_is_gone_and_nothing_else_changes(small, t
     assert free.get("C_hidden2", False) == (topology is HIDDEN and edge != ("hidden1", "hidden2"))
     again = parse_circuit(write_circuit(less), "searched.yaml")
     u = small.segments[0].inputs[[small.names.index(each.removesuffix("_degC")) for each in circuit.inputs]]
-    whole = response_degC(assemble(circuit, values).value, "first-order", u, 2.0)
-    np.testing.assert_allclose(
-        response_degC(assemble(again, truth_of(again)).value, "first-order", u, 2.0), whole, atol=1e-2
-    )
+    systems = [assemble(*each).value for each in ((again, truth_of(again)), (circuit, values))]
+    np.testing.assert_allclose(*(response_degC(each, "first-order", u, 2.0) for each in systems), atol=1e-2)

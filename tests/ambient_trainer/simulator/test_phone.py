@@ -95,10 +95,8 @@ def test_about_fifty_zones_come_on_request_and_change_nothing_else():
     assert len(many.columns) == len(few.columns) + len(_PHONE.zones) - len(_PHONE.sensors)
     assert all(np.array_equal(few.columns[name], many.columns[name]) for name in few.columns)
     loaded = few.column("cpu_load_frac") == 1.0
-    rises = {
-        zone.name: many.columns[f"{zone.name}_degC"][loaded][-1] - many.columns[f"{zone.name}_degC"][0]
-        for zone in _PHONE.zones
-    }
+    found = {zone.name: many.columns[f"{zone.name}_degC"] for zone in zones}
+    rises = {name: values[loaded][-1] - values[0] for name, values in found.items()}
     assert rises["cpu0"] == pytest.approx(rises["soc"], abs=2)
     assert rises["soc"] > rises["board1"] > rises["battery-cell"] > 1
 
