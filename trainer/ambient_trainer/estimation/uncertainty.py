@@ -53,7 +53,7 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     names = (*structure.search.names, *structure.linear.names)
     at_bound = np.append(structure.search.at_bound(solution.theta), structure.linear.at_bound(solution.beta))
     loose = np.flatnonzero(~at_bound)
-    J = np.concatenate([each[loose].reshape(len(loose), -1).T for each in rows])
+    J = np.concatenate([each[loose].reshape(len(loose), each[0].size).T for each in rows])
     scale = np.linalg.norm(J, axis=0)
     silent = scale == 0
     scale[silent] = 1.0
@@ -63,7 +63,7 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     known = ~silent & ((blind**2).sum(axis=0) < _INVOLVED**2)
     inverse = (Vt[kept].T / singular[kept]) @ (Vt[kept] / singular[kept][:, None]) / np.outer(scale, scale)
     outputs = [row[~np.isnan(row)] for each in errors for row in each]
-    memory = max(residual_memory(each) for each in outputs if len(each))
+    memory = max((residual_memory(each) for each in outputs if len(each)), default=1.0)
     samples = sum(each.shape[1] for each in errors)
     memories = np.clip(samples / memory / (len(loose) + _SPARE), *_MEMORIES_PER_BATCH)
     batch = 1 if memory < _WHITE else math.ceil(memories * memory)
