@@ -274,10 +274,9 @@ def test_no_loss_falls_with_what_heats_or_blows(circuit, simulated, recorded):
 def test_a_cooler_takes_heat_away_by_the_power_that_it_uses(circuit, simulated, seed):
     """A measured car's air conditioner was left out, as any other power only warms."""
     trace = simulated(seed, heat_W=lambda now, degC: -3.0 * now["current_A"])
-    name, others = ("aircon_kW", "ac_power_kW")[seed % 2], {**trace.columns}
-    power_kW = 0.002 * others.pop("current_A")
-    found = diagnose(circuit, [replace(trace, columns={**others, name: power_kW})])
-    assert (found.verdict_cause.name, found.verdict_cause.signal) == ("heat_source", name), seed
+    columns = {name: row for name, row in trace.columns.items() if name != "current_A"}
+    found = diagnose(circuit, [replace(trace, columns={**columns, "aircon_kW": 0.002 * trace.columns["current_A"]})])
+    assert (found.verdict_cause.name, found.verdict_cause.signal) == ("heat_source", "aircon_kW"), seed
     assert found.verdict.magnitude.value < 0, seed
 
 
@@ -287,11 +286,11 @@ def test_no_heater_cools_or_heats_beyond_a_level_alone(circuit, simulated, recor
     trace = simulated(6)
     renamed = {"current_A": "heater2_frac", "humidity_frac": "heater_cooling_frac", "wind_m_s": "valve_frac"}
     columns = {renamed.get(name, name): row for name, row in trace.columns.items()}
-    columns["ac1_W"] = columns["sun_W_m2"]  # alternating current
+    columns["ac1_W"] = columns["ac_power_W"] = columns["sun_W_m2"]  # alternating current, and a room's air conditioner
     scene = Scene(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=columns))))
     least = {each.driver.text: each.numbers[0].low for each in heat.candidates(scene) if each.driver is not None}
-    judged = ("heater2_frac", "ac1_W", "heater_cooling_frac", "valve_frac")
-    assert [least[name] for name in judged] == [0.0, 0.0, -np.inf, -np.inf]
+    judged = ("heater2_frac", "ac1_W", "ac_power_W", "heater_cooling_frac", "valve_frac")
+    assert [least[name] for name in judged] == [0.0, 0.0, -np.inf, -np.inf, -np.inf]
     beyond = {each.columns[0] for each in scene.tuned_drivers if ">" in each.text}
     assert {"heater2_frac", "valve_frac"} & beyond == {"valve_frac"}
 

@@ -98,9 +98,10 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
     if not physical:
         return None
     first = _lasting(_plainest(physical, least_degC), physical, driven)
+    if first.mechanism.cause != "sensor_bias":
+        return first
     # an offset of the reference does to all nodes what the sun, or a heater of the log, does on the average
-    offset = first.mechanism.cause == "sensor_bias"
-    logged = [each for each in physical if each.lasting and each.mechanism.driver is not None and offset]
+    logged = (each for each in physical if each.lasting and each.mechanism.driver is not None)
     return next((each for each in logged if each.rmse_degC < ANSWERS * first.rmse_degC), first)
 
 

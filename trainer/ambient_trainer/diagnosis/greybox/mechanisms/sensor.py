@@ -214,5 +214,5 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
         yield ReferenceLag((AMBIENT,), (lag,))
         # at one node alone constant heat, and its own sensor's offset, do the same
         if sum(scene.loss(each) > 0 for each in scene.nodes) > 1:
-            most = _MOST_OFF_DEGC
-            yield ReferenceBias((AMBIENT,), (Number("bias_ambient", "degC", 0.0, low=-most, high=most),))
+            off = Number("bias_ambient", "degC", 0.0, low=-_MOST_OFF_DEGC, high=_MOST_OFF_DEGC)
+            yield ReferenceBias((AMBIENT,), (off,))
