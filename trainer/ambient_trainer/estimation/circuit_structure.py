@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits import Assembled, Circuit, Parameter, assemble
 from ambient_trainer.data import Array, Segment
-from ambient_trainer.estimation.structure import Structure, Unknowns
+from ambient_trainer.estimation.structure import LONGEST_STEP, Structure, Unknowns
 from ambient_trainer.lti import StateSpace, discretised, passive_modes, response_slopes, states
 from ambient_trainer.lti.response import response
 
@@ -55,7 +55,7 @@ class CircuitStructure(Structure):
         table = np.array([(each.initial, each.low, each.high) for each in parameters]).reshape(-1, 3).T
         initial, low, high = np.where(logarithmic, np.log(np.where(logarithmic, table, 1.0)), table)
         names = tuple(each.name for each in parameters)
-        return Unknowns(names, initial, low, high, np.where(logarithmic, 2.0, math.inf))
+        return Unknowns(names, initial, low, high, np.where(logarithmic, LONGEST_STEP, math.inf))
 
     @property
     def logarithmic_names(self) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.estimation.structure import Evaluation, Structure, project
+from ambient_trainer.estimation.structure import LONGEST_STEP, Evaluation, Structure, project
 
 _SHORT = 1e-5
 _SMALLEST_GAIN = 1e-10
@@ -57,7 +57,7 @@ def descend(
     most: int,
     patience: int | None = None,
     over: Callable[[], bool] = lambda: False,
-    longest: Array | float = 2.0,
+    longest: Array | float = LONGEST_STEP,
 ) -> tuple[Array, bool]:
     """Levenberg-Marquardt in a box: |residual|^2 over low <= point <= high with at most ``most`` evaluations.
 

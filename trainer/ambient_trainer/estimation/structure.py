@@ -29,6 +29,8 @@ from ambient_trainer.data import Array, Segment
 
 _RANK_TOLERANCE = 1e-11
 _BLOCK_SAMPLES = 2048
+LONGEST_STEP = 2.0
+"""Of a logarithm, in one evaluation: it should not leap."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +41,7 @@ class Unknowns:
     initial: Array
     low: Array
     high: Array
-    longest_step: Array | float = 2.0
-    """Of one evaluation: a logarithm should not leap."""
+    longest_step: Array | float = LONGEST_STEP
 
     def at_bound(self, values: Array) -> NDArray[np.bool_]:
         """Which of ``values`` (count,) lie within a millionth of the span of a bound."""

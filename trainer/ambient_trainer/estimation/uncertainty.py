@@ -20,7 +20,9 @@ from ambient_trainer.estimation.structure import Structure
 _NULL = 1e-8
 _INVOLVED = 0.05
 _MEMORIES_PER_BATCH = 2, 8
+"""At least, and at most: the longer a batch, the less of it the next one remembers, but the fewer there are."""
 _SPARE = 20
+"""More batches than unknowns are wanted by so many."""
 _WHITE = 1.3
 
 
