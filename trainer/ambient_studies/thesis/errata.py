@@ -41,9 +41,22 @@ class Erratum:
 
 
 def computed_errata(training: Trace, ambient_change: Trace) -> list[Erratum]:
-    """Every erratum that has figures, by number; 8 is fitted to a run of scenario 5 and measured on one of 3.
+    """Compute every erratum that has figures.
 
-    Raises :class:`Refused` where a trace lacks a column.
+    Parameters
+    ----------
+    training, ambient_change : Trace
+        Runs of scenarios 5 and 3: erratum 8 is fitted to the first and measured on the second.
+
+    Returns
+    -------
+    list of Erratum
+        By number.
+
+    Raises
+    ------
+    Refused
+        Where a trace lacks a column.
     """
     found = [*text_errata(), _erratum(8, _moving_ambient(training, ambient_change))]
     return sorted(found, key=lambda each: each.number)

@@ -30,9 +30,21 @@ _CALIBRATION = (
 
 
 def report_of(reproduction: Reproduction, errata: Sequence[Erratum], calibration: Sequence[Outcome]) -> Report:
-    """What the reproduction shows, with the errata for JSON and page and the calibration for the page, if any.
+    """What the reproduction shows.
 
-    Drawing its figures simulates the runs that figures 4.1 and 4.5 need besides.
+    Parameters
+    ----------
+    reproduction : Reproduction
+        The evaluated methods.
+    errata : sequence of Erratum
+        For JSON and page; may be empty.
+    calibration : sequence of Outcome
+        For the page; may be empty.
+
+    Returns
+    -------
+    Report
+        Drawing its figures simulates the runs that figures 4.1 and 4.5 need besides.
     """
     rows, verdict = reproduction.evaluated.rows, reproduction.verdict
     verification, *others = scenario_sections(rows)
