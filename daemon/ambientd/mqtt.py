@@ -64,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _topic(text: str) -> str:
     if not text or not text.isprintable() or "+" in text or "#" in text:
-        raise argparse.ArgumentTypeError(f"{text!r} may not stand in a topic")
+        raise argparse.ArgumentTypeError(f"{text!r} is part of topics: leave out +, # and control characters")
     return text
 
 
@@ -76,9 +76,8 @@ def discovery(topic: str, device: str, prefix: str) -> dict[str, dict[str, Any]]
         "manufacturer": "ambientd",
         "sw_version": __version__,
     }
-    object_id = re.sub(
-        "[^a-zA-Z0-9_-]", "_", device
-    )  # it passes over a topic with anything else, as a host's full name
+    # it passes over a topic with anything else, as a host's full name
+    object_id = re.sub("[^a-zA-Z0-9_-]", "_", device)
     there = {"topic": f"{topic}/availability"}
     known = {"topic": f"{topic}/state", "value_template": _KNOWN}
     celsius: dict[str, Any] = {"unit_of_measurement": "°C", "device_class": "temperature", "state_class": "measurement"}
