@@ -60,12 +60,15 @@ def test_a_reference_in_the_sun_is_one_offset_and_no_heat_at_each_body(seed, bey
 
     def slope(now_s, degC):
         apart = np.interp(now_s, TIME_S, air_degC) - degC
-        return loss_W_K * apart * (1 + 0.004 * np.abs(apart)) / np.array([120.0, 600.0])
+        return loss_W_K * apart * (1 + 0.001 * np.abs(apart)) / np.array([120.0, 600.0])
 
     step = diagnose(PAIR, [two_bodies(slope, seed, ambient_degC=air_degC + off_degC + beyond_K)]).verdict
-    assert (step.cause == Cause("sensor_bias", "ambient", None)) == (not beyond_K), seed
-    assert beyond_K or step.magnitude.value == pytest.approx(off_degC, rel=0.2), seed
-    assert beyond_K or step.confidence <= 0.6, seed
+    if beyond_K:
+        assert step.cause == Cause("heat_source", ("fast", "slow"), None), seed
+        return
+    assert step.cause == Cause("sensor_bias", "ambient", None), seed
+    assert step.magnitude.value == pytest.approx(off_degC, rel=0.2), seed
+    assert step.confidence <= 0.6, seed
     assert Cause("heat_source", None, None) in step.indistinguishable_from, seed
 
 
