@@ -244,10 +244,6 @@ class Validation:
             self.refused[i] = _Refusal(value, self._used[i], self._waits_s[i])
         self._set_apart(frozenset(self.refused))
 
-    def _unread_s(self) -> float:
-        """For how long none of those that are not refused has been read."""
-        return min([away_s for i, away_s in enumerate(self._away_s) if i not in self.refused], default=0.0)
-
     def restart(self) -> None:
         """Begin again at the next sample; what is refused stays so."""
         self._begun = False
@@ -256,8 +252,8 @@ class Validation:
         """One value per input, read or replaced; None where no sensor is left. A missing reading is None."""
         passed_s = time_s - self._time_s
         self.starts_anew = self._start is not None
-        silent = len(self._apart) == self._count and self._unread_s() > self._short_s + self._limit_s
-        if not self._begun or not 0 <= passed_s <= self._limit_s or silent:
+        unread_s = min([away_s for i, away_s in enumerate(self._away_s) if i not in self.refused], default=0.0)
+        if not self._begun or not 0 <= passed_s <= self._limit_s or unread_s > self._short_s + self._limit_s:
             self.starts_anew = False
             self._start = _Start(time_s, self.refused, self._waits_s)
         if self._start is not None:
