@@ -131,11 +131,17 @@ def _plainest(ordered: Sequence[Trial], least_degC: float) -> Trial:
     """The first, unless the same law with fewer numbers is there and they gain less than a step has to."""
     first = ordered[0]
     for each in ordered[1:]:
-        same = each.mechanism.key == first.mechanism.key and each.lasting == first.lasting
+        same = _same_law(each.mechanism, first.mechanism) and each.lasting == first.lasting
         if same and len(each.mechanism.numbers) < len(first.mechanism.numbers):
             enough = penalised(first) < penalised(each) - LEAST_GAIN and first.rmse_degC < each.rmse_degC - least_degC
             return first if enough else each
     return first
+
+
+def _same_law(one: Mechanism, other: Mechanism) -> bool:
+    """An offset of the reference does what constant heat at each body does, in proportion to its loss."""
+    constant_heat = other.cause == "heat_source" and other.driver is None
+    return one.key == other.key or (one.cause == "sensor_bias" and constant_heat)
 
 
 def _lasting(first: Trial, ordered: Sequence[Trial], driven: Sequence[Trial]) -> Trial:
