@@ -33,12 +33,6 @@ def lag(period_s: float, tau_s: float) -> float:
     return math.exp(-period_s / tau_s)
 
 
-def main_discrete(period_s: float) -> Discrete:
-    """Two first-order lags (40 s on usb, 10 s on battery): ambient = usb + 0.8 (battery lagged - usb lagged)."""
-    a, b = lag(period_s, 40.0), lag(period_s, 10.0)
-    return Discrete(period_s, ((a, 0.0), (0.0, b)), ((1 - a, 0.0), (0.0, 1 - b)), ((-0.8, 0.8),), ((1.0, 0.0),))
-
-
 def single(of: Input, tau_s: float, offset: float) -> Estimator:
     """One lag on one input, for a fallback."""
     return Estimator(
@@ -53,13 +47,6 @@ def single(of: Input, tau_s: float, offset: float) -> Estimator:
     )
 
 
-def made_guard() -> Secondary:
-    """The battery with a lag of 20 s, less 2 degC: where usb is at 30 and battery at 25, the main estimator agrees."""
-    alone = single(BATTERY, 20.0, -2.0)
-    discrete = tuple(each._replace(B=((0.0, each.B[0][0]),), D=((0.0, 0.0),)) for each in alone.discrete)
-    return Secondary(alone._replace(inputs=(USB, BATTERY), discrete=discrete, initial=((0.0, 1.0),)), 1.0)
-
-
 SPREAD = ErrorVariance(
     0.25,
     (Term("movement", 60.0, 1.0), Term("movement", 20.0, 9.0), Term("guard", 30.0, 0.25)),
@@ -68,10 +55,15 @@ SPREAD = ErrorVariance(
 
 
 def made_model(inputs: tuple[Input, ...] = (USB, BATTERY), fallbacks: bool = False, guarded: bool = False) -> Model:
+    """Two first-order lags (40 s on usb, 10 s on battery): ambient = usb + 0.8 (battery lagged - usb lagged)."""
+    lags = [(each, lag(each, 40.0), lag(each, 10.0)) for each in PERIODS_S]
     main = Estimator(
         inputs=inputs,
         states=("usb_lagged", "battery_lagged"),
-        discrete=tuple(main_discrete(period_s) for period_s in PERIODS_S),
+        discrete=tuple(
+            Discrete(each, ((a, 0.0), (0.0, b)), ((1 - a, 0.0), (0.0, 1 - b)), ((-0.8, 0.8),), ((1.0, 0.0),))
+            for each, a, b in lags
+        ),
         offset=-3.0,
         initial=((1.0, 0.0), (0.0, 1.0)),
         interval=INTERVAL,
@@ -80,7 +72,11 @@ def made_model(inputs: tuple[Input, ...] = (USB, BATTERY), fallbacks: bool = Fal
     steps = tuple((25.0 + k % 7, 30.0 - 0.5 * k) for k in range(20))
     model = Model("bench", "2024-05-01", "ambient_degC", main, others, {}, conformance_of(main, steps))
     if guarded:
-        model = model._replace(secondary=made_guard(), error_variance=SPREAD)
+        # the battery with a lag of 20 s, less 2 degC: where usb is at 30 and battery at 25, the main estimator agrees
+        alone = single(BATTERY, 20.0, -2.0)
+        discrete = tuple(each._replace(B=((0.0, each.B[0][0]),), D=((0.0, 0.0),)) for each in alone.discrete)
+        alone = alone._replace(inputs=(USB, BATTERY), discrete=discrete, initial=((0.0, 1.0),))
+        model = model._replace(secondary=Secondary(alone, 1.0), error_variance=SPREAD)
     return decode(encode(model).encode(), "made by hand")
 
 

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import pytest
 
@@ -23,20 +22,6 @@ SETTLED = 100_000
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture
-def long_trace(tmp_path: Path) -> Path:
-    """Every thousand samples one sensor is away for 50, and every ten thousand both, for longer than is bridged."""
-    path = tmp_path / "trace.csv"
-    with path.open("w") as stream:
-        stream.write("time_s,usb_degC,battery_degC\n")
-        for k in range(TICKS):
-            away = [k % 2000 in range(start, start + 50) or k % 10_000 in range(9000, 9100) for start in (500, 1500)]
-            values = (30 + 5 * math.sin(k / 80), 25 + k % 37 / 10)
-            cells = ("" if gone else f"{value:.2f}" for gone, value in zip(away, values))
-            stream.write(f"{k},{','.join(cells)}\n")
-    return path
-
-
 def read_all(path: str) -> None:
     """A reader of the socket that keeps up."""
     with socket.socket(socket.AF_UNIX) as reader:
@@ -46,9 +31,18 @@ def read_all(path: str) -> None:
             pass
 
 
-def test_neither_memory_nor_descriptors_grow(make_model, saved, long_trace, memory):
+def test_neither_memory_nor_descriptors_grow(make_model, saved, tmp_path, memory):
+    """Every thousand samples one sensor is away for 50, and every ten thousand both, for longer than is bridged."""
+    path = tmp_path / "trace.csv"
+    with path.open("w") as stream:
+        stream.write("time_s,usb_degC,battery_degC\n")
+        for k in range(TICKS):
+            away = [k % 2000 in range(start, start + 50) or k % 10_000 in range(9000, 9100) for start in (500, 1500)]
+            values = (30 + 5 * math.sin(k / 80), 25 + k % 37 / 10)
+            cells = ("" if gone else f"{value:.2f}" for gone, value in zip(away, values))
+            stream.write(f"{k},{','.join(cells)}\n")
     model = saved(make_model(fallbacks=True))
-    command = [sys.executable, "-m", "ambientd", "run", "--model", model, "--replay", str(long_trace)]
+    command = [sys.executable, "-m", "ambientd", "run", "--model", model, "--replay", str(path)]
     kinds = ("file", "file-in-place", "status", "socket")
     outputs = ["stdout", *(f"{kind}:{memory}/{kind}" for kind in kinds), f"prometheus:{memory}/a.prom"]
     command += ["--speed", "0", *(word for output in outputs for word in ("--publish", output))]

@@ -35,22 +35,6 @@ def hours(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="module")
-def many_hours(hours, tmp_path_factory):
-    """Ten thousand units: the same logs under five names."""
-    folder = tmp_path_factory.mktemp("many")
-    for file in sorted(Path(hours).glob("*.parquet")):
-        logs = pq.ParquetFile(file)
-        for copy in range(COPIES):
-            with pq.ParquetWriter(folder / f"{copy}-{file.name}", logs.schema_arrow) as writer:
-                for group in range(logs.num_row_groups):
-                    table = logs.read_row_group(group)
-                    name = f"{copy}-{table.column('unit')[0].as_py()}"
-                    names = pa.array([name] * len(table)).dictionary_encode()
-                    writer.write_table(table.set_column(0, "unit", names).cast(logs.schema_arrow))
-    return str(folder)
-
-
 def took(path: str, engine: str, workers: int) -> dict[str, float]:
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     command = [sys.executable, str(SCRIPT), path, engine, str(workers)]
@@ -71,8 +55,18 @@ def test_two_workers_beside_one_process(hours, benchmark, noted):
 
 @pytest.mark.timeout(3600)
 @pytest.mark.benchmark(group="fleet")
-def test_the_driver_s_memory(many_hours, benchmark, noted):
-    found = benchmark.pedantic(took, (many_hours, "local", 2), rounds=1, iterations=1)
+def test_the_driver_s_memory(hours, tmp_path, benchmark, noted):
+    """Ten thousand units: the same logs under five names."""
+    for file in sorted(Path(hours).glob("*.parquet")):
+        logs = pq.ParquetFile(file)
+        for copy in range(COPIES):
+            with pq.ParquetWriter(tmp_path / f"{copy}-{file.name}", logs.schema_arrow) as writer:
+                for group in range(logs.num_row_groups):
+                    table = logs.read_row_group(group)
+                    name = f"{copy}-{table.column('unit')[0].as_py()}"
+                    names = pa.array([name] * len(table)).dictionary_encode()
+                    writer.write_table(table.set_column(0, "unit", names).cast(logs.schema_arrow))
+    found = benchmark.pedantic(took, (str(tmp_path), "local", 2), rounds=1, iterations=1)
     task = f"fleet, {UNITS * COPIES:,} units of 1 h at 1 Hz"
     noted(task, "local, 2 workers", found["run_s"], f"driver {found['peak_MB']:.0f} MB; load {found['load']:.0f}")
 

@@ -19,14 +19,6 @@ ROWS = 3000
 
 
 @pytest.fixture
-def echo_model(saved):
-    """A model that says what its only sensor says."""
-    sensor, bands = Input("row", "degC", "row", -1000.0, 1e6), dict.fromkeys((50, 90, 98), (-1.0, 1.0))
-    main = Estimator((sensor,), (), (Discrete(1.0, (), (), ((),), ((1.0,),)),), 0.0, (), bands)
-    return saved(Model("echo", "2024-05-01", "ambient_degC", main, {}, {}, conformance_of(main, ((0.0,), (1.0,)))))
-
-
-@pytest.fixture
 def observed(tmp_path, spawn):
     """The folder to publish in, someone who looks at it all the time, and what that one has to say in the end."""
     folder = tmp_path / "out"
@@ -42,14 +34,18 @@ def observed(tmp_path, spawn):
     return folder, end
 
 
-def test_killed_at_random_moments_it_never_misleads(tmp_path, echo_model, observed, until):
+def test_killed_at_random_moments_it_never_misleads(tmp_path, saved, observed, until):
     """Half of them while it starts or publishes, half surely while it publishes, a thousand times a second."""
     folder, end = observed
+    # its only sensor is its estimate
+    sensor, bands = Input("row", "degC", "row", -1000.0, 1e6), dict.fromkeys((50, 90, 98), (-1.0, 1.0))
+    main = Estimator((sensor,), (), (Discrete(1.0, (), (), ((),), ((1.0,),)),), 0.0, (), bands)
+    model = saved(Model("echo", "2024-05-01", "ambient_degC", main, {}, {}, conformance_of(main, ((0.0,), (1.0,)))))
     moments = random.Random(20240501)
     trace = tmp_path / "trace.csv"
     # the status is named first: the order in which they are named must not be the order of what they say
     publish = [f"status:{folder}/status", f"file:{folder}/temp", f"file-in-place:{folder}/same"]
-    command = [sys.executable, "-m", "ambientd", "run", "--model", echo_model, "--replay", str(trace)]
+    command = [sys.executable, "-m", "ambientd", "run", "--model", model, "--replay", str(trace)]
     command += ["--rate", "1000", *(word for each in publish for word in ("--publish", each))]
 
     def said():

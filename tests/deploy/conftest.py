@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from device import add_zone
-from processes import ran
+from processes import ran, under
 
 ROOT = Path(__file__).resolve().parents[2]
 DEPLOY = ROOT / "deploy"
@@ -127,20 +127,6 @@ def phone(at_rest: Callable[[Path], Path], tmp_path: Path) -> Path:
     return at_rest(tmp_path / "sys")
 
 
-@pytest.fixture
-def children() -> Callable[[int], dict[int, str]]:
-    """The commands of the processes under a process, by their numbers."""
-
-    def of(parent: int) -> dict[int, str]:
-        found = {}
-        for number in _descendants(parent):
-            with contextlib.suppress(OSError):  # it has ended meanwhile
-                found[number] = Path(f"/proc/{number}/cmdline").read_text().replace("\0", " ")
-        return found
-
-    return of
-
-
 class Machine:
     """A systemd in namespaces of its own, with a copy-on-write view of this machine's files."""
 
@@ -188,7 +174,7 @@ def _booted(box: Path, until: Callable[..., None]) -> Iterator[Machine]:
         process = subprocess.Popen(words, stdout=log, stderr=log, stdin=subprocess.DEVNULL)
 
     def init() -> int | None:
-        return next((pid for pid in _descendants(process.pid) if _name(pid) == "systemd"), None)
+        return next((pid for pid, name in under(process.pid, "name").items() if name == "systemd"), None)
 
     def is_up() -> bool:
         if process.poll() is not None:
@@ -207,16 +193,3 @@ def _booted(box: Path, until: Callable[..., None]) -> Iterator[Machine]:
     finally:
         process.terminate()
         process.wait(timeout=20)
-
-
-def _descendants(pid: int) -> Iterator[int]:
-    with contextlib.suppress(OSError):  # it has ended meanwhile
-        for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
-            yield int(child)
-            yield from _descendants(int(child))
-
-
-def _name(pid: int) -> str:
-    with contextlib.suppress(OSError):
-        return Path(f"/proc/{pid}/comm").read_text().strip()
-    return ""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from processes import ran
+from processes import ran, under
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 ANDROID = DEPLOY / "android"
@@ -141,7 +141,7 @@ def test_the_module_holds_the_same_daemon(module, zipapp):
 
 @pytest.mark.parametrize("shell", ["sh", "mksh"])
 def test_the_module_keeps_the_daemon_running_until_it_is_disabled(
-    shell, installed, model_file, phone, keeper, until, children, tmp_path
+    shell, installed, model_file, phone, keeper, until, tmp_path
 ):
     """Unpacked and started as Magisk does, by Debian's shell and by Android's; the daemon is killed once."""
     settings, run = tmp_path / "settings", tmp_path / "run"
@@ -156,7 +156,7 @@ def test_the_module_keeps_the_daemon_running_until_it_is_disabled(
     assert published.read_text() == "23000\n"
 
     def daemon():
-        return [number for number, command in children(keeper.pid).items() if "ambientd.pyz run" in command]
+        return [pid for pid, words in under(keeper.pid, "cmdline").items() if "ambientd.pyz run" in " ".join(words)]
 
     (first,) = daemon()
     os.kill(first, signal.SIGKILL)

@@ -13,27 +13,23 @@ AVAILABLE, STATE = "ambientd/phone.lan/availability", "ambientd/phone.lan/state"
 CONFIGS = [f"homeassistant/sensor/phone_lan_{name}/config" for name in ("ambient", "status")]
 
 
-@pytest.fixture
-def retained(broker):
+def told(broker):
     """What a client that connects now is told, by topic."""
     from paho.mqtt import client as mqtt
 
-    def look():
-        heard = {}
-        client = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2)
-        client.on_connect = lambda *_: client.subscribe([("ambientd/#", 1), ("homeassistant/#", 1)])
-        client.on_message = lambda client, data, message: heard.__setitem__(message.topic, message.payload.decode())
-        try:
-            client.connect("127.0.0.1", broker.number)
-        except OSError:
-            return {}
-        end_s = time.monotonic() + 0.3
-        while time.monotonic() < end_s:
-            client.loop(0.05)
-        client.disconnect()
-        return heard
-
-    return look
+    heard = {}
+    client = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2)
+    client.on_connect = lambda *_: client.subscribe([("ambientd/#", 1), ("homeassistant/#", 1)])
+    client.on_message = lambda client, data, message: heard.__setitem__(message.topic, message.payload.decode())
+    try:
+        client.connect("127.0.0.1", broker.number)
+    except OSError:
+        return {}
+    end_s = time.monotonic() + 0.3
+    while time.monotonic() < end_s:
+        client.loop(0.05)
+    client.disconnect()
+    return heard
 
 
 @pytest.fixture
@@ -57,7 +53,7 @@ def states(broker):
 
 
 def test_it_follows_the_daemon_over_restarts_of_either_side(
-    broker, retained, states, spawn, until, listen, deployed, model_file, phone
+    broker, states, spawn, until, listen, deployed, model_file, phone
 ):
     path = str(phone.parent / "s")
     run = deployed("run", "--model", model_file, "--sysfs-root", phone, "--rate", "10", "--publish", f"socket:{path}")
@@ -65,15 +61,15 @@ def test_it_follows_the_daemon_over_restarts_of_either_side(
     call += ["--port", str(broker.number)]
 
     def ambient():
-        return json.loads(retained().get(STATE, "{}")).get("ambient_degC")
+        return json.loads(told(broker).get(STATE, "{}")).get("ambient_degC")
 
     bridge = spawn(call, stdout=subprocess.DEVNULL, stderr=None)
-    until(lambda: {*CONFIGS, AVAILABLE} <= retained().keys(), "nothing is discovered")
-    assert retained()[AVAILABLE] == "offline", "there is no daemon yet"
+    until(lambda: {*CONFIGS, AVAILABLE} <= told(broker).keys(), "nothing is discovered")
+    assert told(broker)[AVAILABLE] == "offline", "there is no daemon yet"
     daemon = spawn(run, env={}, stdout=subprocess.DEVNULL, stderr=None)
-    until(lambda: retained().get(AVAILABLE) == "online", "the daemon is not noticed")
+    until(lambda: told(broker).get(AVAILABLE) == "online", "the daemon is not noticed")
     assert ambient() == pytest.approx(23.0)
-    config = json.loads(retained()[CONFIGS[0]])
+    config = json.loads(told(broker)[CONFIGS[0]])
     assert (config["state_topic"], config["device_class"], config["availability"][0]["topic"]) == (
         *(STATE, "temperature", AVAILABLE),
     )
@@ -89,12 +85,12 @@ def test_it_follows_the_daemon_over_restarts_of_either_side(
     following = [changed, *itertools.islice(ticks, 19)]
     assert first["ambient_degC"] in [each["ambient_degC"] for each in following], "it follows more than 2 s later"
     daemon.send_signal(signal.SIGTERM)
-    until(lambda: retained().get(AVAILABLE) == "offline", "a daemon that has ended is not noticed")
+    until(lambda: told(broker).get(AVAILABLE) == "offline", "a daemon that has ended is not noticed")
     spawn(run, env={}, stdout=subprocess.DEVNULL, stderr=None)
-    until(lambda: retained().get(AVAILABLE) == "online", "the next daemon is not noticed")
+    until(lambda: told(broker).get(AVAILABLE) == "online", "the next daemon is not noticed")
     broker.stop()
     broker.start()
-    until(lambda: {*CONFIGS, AVAILABLE, STATE} <= retained().keys(), "the next broker is not told")
-    assert retained()[AVAILABLE] == "online"
+    until(lambda: {*CONFIGS, AVAILABLE, STATE} <= told(broker).keys(), "the next broker is not told")
+    assert told(broker)[AVAILABLE] == "online"
     bridge.kill()
-    until(lambda: retained().get(AVAILABLE) == "offline", "the last will is not heard")
+    until(lambda: told(broker).get(AVAILABLE) == "offline", "the last will is not heard")

@@ -34,14 +34,6 @@ def estimator(inputs, states=4):
     return Estimator(inputs, names, discrete, -1.3, ugly(states, len(inputs), 0.4), bands)
 
 
-def wide_model():
-    """As large as real ones, with a name that a locale may stumble over."""
-    main = estimator(INPUTS)
-    without = {"battery": estimator(tuple(each for each in INPUTS if each.name != "battery"))}
-    rows = tuple(tuple(20.0 + k + n for n in range(len(INPUTS))) for k in range(6))
-    return Model("Tastentelefon \u00fc\u2603", "2024", "ambient_degC", main, without, {}, conformance_of(main, rows))
-
-
 def trace():
     """Gaps, losses, a jitter, and digits without end."""
     yield ",".join(["time_s", *(each.column for each in INPUTS)])
@@ -54,12 +46,17 @@ def trace():
 
 @pytest.fixture(scope="module")
 def case(zipapp):
-    """The one file, a model and a trace, in a folder that everyone may enter; pytest's own are closed."""
+    """The one file, a model as large as real ones and a trace, in a folder that everyone may enter."""
+    main = estimator(INPUTS)
+    without = {"battery": estimator(tuple(each for each in INPUTS if each.name != "battery"))}
+    rows = conformance_of(main, tuple(tuple(20.0 + k + n for n in range(len(INPUTS))) for k in range(6)))
+    # its name is one that a locale may stumble over
+    model = Model("Tastentelefon \u00fc\u2603", "2024", "ambient_degC", main, without, {}, rows)
     with tempfile.TemporaryDirectory() as folder:
         os.chmod(folder, 0o755)
         case = Path(folder)
         (case / "trace.csv").write_text("\n".join(trace()) + "\n")
-        (case / "model.json").write_text(encode(wide_model()))
+        (case / "model.json").write_text(encode(model))
         shutil.copy(zipapp, case / "ambientd.pyz")
         for path in case.iterdir():
             path.chmod(0o644)

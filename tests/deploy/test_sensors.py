@@ -155,21 +155,13 @@ def test_a_flush_is_answered_and_what_it_has_not_is_refused(hal, until):
     assert hal.values() == []
 
 
-@pytest.fixture
-def says(compiled, until):
-    """A daemon of the test's own: what it sends to the sub-HAL once that has connected."""
-    place = compiled[2]
-    place.unlink(missing_ok=True)
-    with socket.create_server(str(place), family=socket.AF_UNIX) as listener:
-        listener.settimeout(20)
-        yield lambda: listener.accept()[0]
-    place.unlink()
-
-
-def test_what_is_no_trusted_number_is_no_event(hal, says, until):
+def test_what_is_no_trusted_number_is_no_event(hal, compiled, until):
+    compiled[2].unlink(missing_ok=True)
+    daemons = socket.create_server(str(compiled[2]), family=socket.AF_UNIX)
+    daemons.settimeout(20)
     hal.call("batch 100000000", until)
     hal.call("activate 1", until)
-    with says() as daemon:
+    with daemons.accept()[0] as daemon:
         for text in (b"null", b"NaN", b"-Infinity", b'"23"', b"1e9", b"23 4", b""):
             daemon.send(b'{"time_s": 1, "ambient_degC": ' + text + b', "low_degC": 20}\n')
         daemon.send(b'{"degC": 23.0}\n\n{"model": "\\"ambient_degC\\": 24.0,", "ambient_degC": null}\n')
@@ -182,7 +174,7 @@ def test_what_is_no_trusted_number_is_no_event(hal, says, until):
         hal.call("activate 0", until)
         assert (hal.call("flush", until), hal.values()) == (BAD_VALUE, [25.0])
         hal.call("activate 1", until)
-    with says() as daemon:
+    with daemons, daemons.accept()[0] as daemon:
         daemon.send(b'{"ambient_degC": 25.04}\n')
         until(lambda: hal.values() == [25.0, pytest.approx(25.04)], "who asks anew is told what is not new")
         daemon.send(b'{"ambient_degC": -5.5}\n')

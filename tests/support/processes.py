@@ -1,11 +1,14 @@
 """Commands that run to their end, and what others take of the machine."""
 
+import contextlib
 import socket
 import subprocess
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+import psutil
 
 Done = subprocess.CompletedProcess[str]
 
@@ -48,4 +51,13 @@ def content_of(path: Path) -> bytes | None:
 
 def resident_kB(pid: int) -> int:
     """The memory that a process holds."""
-    return int(Path(f"/proc/{pid}/status").read_text().partition("VmRSS:")[2].split()[0])
+    return int(psutil.Process(pid).memory_info().rss) // 1024
+
+
+def under(pid: int, what: str) -> dict[int, Any]:
+    """The ``name`` or the ``cmdline`` of the processes under a process, by their numbers."""
+    found = {}
+    for each in psutil.Process(pid).children(recursive=True):
+        with contextlib.suppress(psutil.Error):  # it has ended meanwhile
+            found[each.pid] = getattr(each, what)()
+    return found

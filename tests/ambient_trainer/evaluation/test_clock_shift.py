@@ -9,13 +9,8 @@ from ambient_trainer.evaluation.clock_shift import clock_shift
 HOUR_S = 3600.0
 
 
-def day_degC(time_s):
-    """A day that never repeats: tones whose periods are not in ratio."""
-    return 20 + 4 * np.sin(time_s / 5100.0) + 2 * np.sin(time_s / 1733.0) + np.sin(time_s / 611.0 + 1)
-
-
-def followed_degC(time_s, lag_s):
-    """What a lag makes of :func:`day_degC`, settled: each tone is weaker and later."""
+def day_degC(time_s, lag_s=0.0):
+    """A day that never repeats: tones whose periods are not in ratio; a lag, settled, makes each weaker and later."""
     tones = ((4, 5100.0, 0.0), (2, 1733.0, 0.0), (1, 611.0, 1.0))
     return 20 + sum(
         size / np.hypot(1, lag_s / period) * np.sin(time_s / period + phase - np.arctan(lag_s / period))
@@ -50,7 +45,7 @@ def test_a_column_that_both_have(periods_s, true_s):
 def test_a_column_that_drives_one_of_the_other(driven_first):
     lag_s, true_s = 900.0, 300.0
     air = logged("air", day_degC, 20.0, 0.0 if not driven_first else true_s)
-    board = logged("board", lambda time_s: followed_degC(time_s, lag_s), 20.0, true_s if not driven_first else 0.0)
+    board = logged("board", lambda time_s: day_degC(time_s, lag_s), 20.0, true_s if not driven_first else 0.0)
     shift = clock_shift(board, air) if driven_first else clock_shift(air, board)
     assert holds(shift, true_s, 200.0)
     assert shift.lags_s[0] == pytest.approx(lag_s, rel=0.1)

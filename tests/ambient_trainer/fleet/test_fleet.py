@@ -65,26 +65,21 @@ def test_a_frame_gives_what_its_dataset_gives(fitted, fleet_units, tmp_path):
     pd.testing.assert_frame_equal(again.units, fitted.units)
 
 
-@pytest.fixture
-def broken(fleet_units, tmp_path):
-    """A folder of traces of which four cannot be fitted; of one the clock was set meanwhile, one has hours as steps."""
-    folder = tmp_path / "logs"
-    folder.mkdir()
-    (folder / "empty.csv").write_text("")
+REASONS = {"no-reference": "ambient_degC", "no-sensor": "usb_degC", "all-missing": "usb_degC", "empty": "empty"}
+
+
+def test_a_unit_that_cannot_be_fitted_is_a_row_with_the_reason(fleet_units, trainer, tmp_path):
+    """Four are not; of one the clock was set meanwhile, one has hours as steps."""
+    broken = tmp_path / "logs"
+    broken.mkdir()
+    (broken / "empty.csv").write_text("")
     made, trace = {each.name: each.trace for each in fleet_units[:8]}, fleet_units[0].trace
     made |= {"no-reference": _without(trace, "ambient_degC"), "no-sensor": _without(trace, "usb_degC")}
     made["all-missing"] = replace(trace, columns={**trace.columns, "usb_degC": np.nan * trace.time_s})
     made["clock-set"] = replace(trace, time_s=trace.time_s + 1.7e9 * (trace.time_s > 900.0))
     made["hourly"] = replace(trace, time_s=360.0 * trace.time_s)
     for name, each in made.items():
-        save_trace(f"{folder}/{name}.csv", each)
-    return folder
-
-
-REASONS = {"no-reference": "ambient_degC", "no-sensor": "usb_degC", "all-missing": "usb_degC", "empty": "empty"}
-
-
-def test_a_unit_that_cannot_be_fitted_is_a_row_with_the_reason(broken, trainer, tmp_path):
+        save_trace(f"{broken}/{name}.csv", each)
     asked = ("fleet", broken, "--circuit", "free-1", "--engine", "serial", "--starts", 1)
     stale = broken / "one/models/no-sensor.json"
     stale.parent.mkdir(parents=True)

@@ -50,12 +50,13 @@ def test_a_run_leaves_a_trace_and_a_safe_chamber(night):
     assert np.nanmean(probes.mean(axis=0)) == pytest.approx(np.nanmean(probes[0]), abs=0.3)
 
 
-def open_probes(there):
-    for channel in (101, 102, 103):
-        open_probe(there.multiplexer.probes[channel])
-
-
-@pytest.mark.parametrize("deed", [lambda there: there.multiplexer.unplug(), open_probes])
+@pytest.mark.parametrize(
+    "deed",
+    [
+        lambda there: there.multiplexer.unplug(),
+        lambda there: [open_probe(there.multiplexer.probes[channel]) for channel in (101, 102, 103)],
+    ],
+)
 def test_probes_that_are_lost_end_the_run_safely(night, deed):
     lab = night(minutes((20, 40)), {"safety.ambient_lost_s": 120})
     lab.run([(60.0, deed)])

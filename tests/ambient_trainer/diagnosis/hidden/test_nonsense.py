@@ -15,21 +15,16 @@ PERIOD_S = 60.0
 
 
 @pytest.fixture(scope="module")
-def normal(boxed):
-    """A known-good run."""
-    return boxed(NONE, 101)
-
-
-@pytest.fixture(scope="module")
 def trace(boxed):
     """A run in which nothing is wrong."""
     return boxed(NONE, 1)
 
 
 @pytest.fixture
-def verdict(box, normal):
+def verdict(box, boxed):
     """The verdict on a trace, by its circuit alone or beside a known-good run."""
-    return lambda trace, baseline: diagnose(box, [trace], [normal] if baseline else [], period_s=PERIOD_S).verdict_cause
+    good = [boxed(NONE, 101)]
+    return lambda trace, baseline: diagnose(box, [trace], good if baseline else [], period_s=PERIOD_S).verdict_cause
 
 
 def with_columns(trace, **columns):

@@ -36,17 +36,11 @@ def first(diagnosis: dict, cause: str, location: str | None, signal: str | None 
     """The first step, which must be this one, with a held-out gain that chance does not explain."""
     step = diagnosis["steps"][0]
     assert (step["cause"], step["location"], step["signal"]) == (cause, location, signal)
-    surely_gains(step)
-    return step
-
-
-def surely_gains(step: dict) -> None:
-    """The interval of the held-out gain excludes zero and holds the gain itself."""
-    gain = step["gain"]
-    low, high = gain["ci95_degC"]
-    assert gain["held_out"] is True
-    assert gain["p_value"] < 0.01
+    low, high = step["gain"]["ci95_degC"]
+    assert step["gain"]["held_out"] is True
+    assert step["gain"]["p_value"] < 0.01
     assert 0 < low < gain_degC(step) < high
+    return step
 
 
 def gain_degC(step: dict) -> float:

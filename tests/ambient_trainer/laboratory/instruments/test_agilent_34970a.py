@@ -18,15 +18,16 @@ def test_each_probes_offset_is_added(bench, closed):
     assert list(multiplexer.read().values.values()) == expected
 
 
-def of_another_channel(simulated):
-    distort(simulated, lambda reply: reply.replace(b",101,", b",103,"))
-
-
 @pytest.mark.parametrize(
     ("spoil", "probes", "expected", "got"),
     [
         (lambda simulated: list(simulated._execute("*RST")), {"air": 101}, "(@101)", '-221,"Settings conflict"'),
-        (of_another_channel, {"air": 101, "b": 102}, "(@101,102)", "103"),
+        (
+            lambda it: distort(it, lambda reply: reply.replace(b",101,", b",103,")),
+            {"air": 101, "b": 102},
+            "(@101,102)",
+            "103",
+        ),
     ],
     ids=["its scan was forgotten", "of other channels"],
 )
