@@ -40,6 +40,9 @@ def main() -> int:
     except OSError as error:
         log(f"{error.filename or options.host}: {error.strerror or error}")
         return 1
+    except ValueError as error:
+        log(f"--host {options.host!r}: {error}")
+        return 1
     return 0
 
 
@@ -47,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="ambientd-mqtt", description="Take ambientd's estimate to an MQTT broker.")
     parser.add_argument("socket", metavar="SOCKET", help="that ambientd publishes with socket:SOCKET")
     parser.add_argument("--host", default="localhost")
-    parser.add_argument("--port", type=int, default=1883)
+    parser.add_argument("--port", type=_port, default=1883)
     parser.add_argument("--tls", action="store_true", help="with the system's certificates")
     parser.add_argument("--user")
     parser.add_argument("--password-file", metavar="FILE", help="its first line is the password")
@@ -60,6 +63,12 @@ def _parser() -> argparse.ArgumentParser:
         "--stale-after", metavar="S", type=float, default=15.0, help="offline without a reading for S s"
     )
     return parser
+
+
+def _port(text: str) -> int:
+    if not 0 < int(text) < 65536:
+        raise argparse.ArgumentTypeError(f"{text}: ports are 1 to 65535")
+    return int(text)
 
 
 def _topic(text: str) -> str:

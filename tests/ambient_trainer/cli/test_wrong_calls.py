@@ -27,6 +27,7 @@ CALLS = [
     ("limit x.json --seeds 1,-2", 2, "--seeds; 1,-2"),
     ("fit bare.csv --circuit free-1 -o m.json", 1, "bare.csv: line 1: no column 'ambient_degC'"),
     ("fit empty.csv --circuit free-1 -o m.json", 1, "empty.csv: no samples"),
+    ("fit t.csv --circuit free-1 -o m.json --zone nosuch=back", 1, "nosuch: no such input"),
     ("fit warm.csv --circuit free-1 -o m.json", 1, "warm.csv: line 3, column usb_degC: 'warm'"),
     ("fit t.csv --circuit free-1 -o m.json --starts 0", 2, "--starts; 0"),
     ("evaluate m.json t.csv --run-in", 2, "--run-in; --from"),

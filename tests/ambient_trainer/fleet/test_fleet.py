@@ -65,14 +65,15 @@ def test_a_frame_gives_what_its_dataset_gives(fitted, fleet_units, tmp_path):
     pd.testing.assert_frame_equal(again.units, fitted.units)
 
 
-REASONS = {"no-reference": "ambient_degC", "no-sensor": "usb_degC", "all-missing": "usb_degC", "empty": "empty"}
+REASONS = {"no-reference": "ambient", "no-sensor": "usb", "all-missing": "usb", "empty": "no rows", "header": "no rows"}
 
 
 def test_a_unit_that_cannot_be_fitted_is_a_row_with_the_reason(fleet_units, trainer, tmp_path):
-    """Four are not; of one the clock was set meanwhile, one has hours as steps."""
+    """Five are not; of one the clock was set meanwhile, one has hours as steps."""
     broken = tmp_path / "logs"
     broken.mkdir()
     (broken / "empty.csv").write_text("")
+    (broken / "header.csv").write_text("time_s,usb_degC,ambient_degC\n")
     made, trace = {each.name: each.trace for each in fleet_units[:8]}, fleet_units[0].trace
     made |= {"no-reference": _without(trace, "ambient_degC"), "no-sensor": _without(trace, "usb_degC")}
     made["all-missing"] = replace(trace, columns={**trace.columns, "usb_degC": np.nan * trace.time_s})

@@ -9,12 +9,13 @@ import pandas as pd
 
 from ambient_model.codec import save_model
 from ambient_model.model import Model, ReadingModel
+from ambient_model.trace import split_column
 from ambient_trainer.api.data import Data, sensor_columns, traces_of
 from ambient_trainer.api.result import Result
 from ambient_trainer.data.resolution import with_resolution
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators.base import Effort, Fit
-from ambient_trainer.estimators.model_file import model_of, training_of
+from ambient_trainer.estimators.model_file import model_of, require_zones, training_of
 from ambient_trainer.estimators.readings import reading_model
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.estimators.report import report_of
@@ -170,6 +171,8 @@ def fit(
     method = estimator(circuit, columns)
     steps = dict(zip(sensor_columns(list(resolution or {})), (resolution or {}).values()))
     traces = [with_resolution(trace.cut(from_s, to_s), steps) for trace in traces_of(data)]
+    # a name that no log has is refused before the search
+    require_zones(zones or {}, sorted({split_column(column)[0] for trace in traces for column in trace.columns}))
     fitted = method.fit(traces, effort or Effort(), progress, period_s, columns or None)
     training = [{**training_of(trace, from_s, to_s), **({"resolution": steps} if steps else {})} for trace in traces]
     return FitResult(fitted, tuple(training), zones or {}, reading_model(fitted, traces))

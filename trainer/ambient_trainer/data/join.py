@@ -68,6 +68,9 @@ def on_one_epoch(traces: Sequence[Logged]) -> list[Logged]:
         else:
             apart = float(first.time_s[0] - each.trace.time_s[0])
             found.append(replace(each, epoch_s=apart, epoch="its first sample, taken for simultaneous"))
+        unread = [trace.notes["start"] for trace in (first, each.trace) if "start" in trace.notes and not _start(trace)]
+        if unread:
+            found[-1] = replace(found[-1], epoch=f"{found[-1].epoch}: a start in notes is no date ({unread[-1]!r})")
     return found
 
 

@@ -41,9 +41,7 @@ def model_of(
         what = ", ".join(fit.outputs)
         raise refuse(fit.circuit, "outputs", f"it predicts {what}", "a device runs a circuit whose output is 'ambient'")
     names = [split_column(column)[0] for column in fit.inputs]
-    unknown = sorted(set(zones) - set(names))
-    if unknown:
-        raise refuse("--zone", "", f"{', '.join(unknown)}: no such input", f"inputs are {', '.join(names)}")
+    require_zones(zones, names)
     inputs = {column: _input(column, span, zones) for column, span in zip(fit.inputs, fit.input_ranges)}
     estimator = _estimator(fit, inputs)
     model = Model(
@@ -60,6 +58,13 @@ def model_of(
     )
     # whatever a device would refuse is refused here, before anything is scored or written
     return decode(encode(model).encode(), fit.circuit)
+
+
+def require_zones(zones: Mapping[str, str], names: Sequence[str]) -> None:
+    """Refuse the zones of what is none of the inputs' ``names``."""
+    unknown = sorted(set(zones) - set(names))
+    if unknown:
+        raise refuse("--zone", "", f"{', '.join(unknown)}: no such input", f"inputs are {', '.join(names)}")
 
 
 def training_of(trace: Trace, from_s: float | None, to_s: float | None) -> dict[str, Any]:

@@ -7,10 +7,12 @@ column holds many; so does a folder ``unit=NAME`` of one. Files are looked at in
 from __future__ import annotations
 
 import contextlib
+import gzip
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import quote, unquote
 
@@ -145,7 +147,7 @@ def _entries_in(file: str, path: str, by: str) -> Iterator[Entry]:
     try:
         if not file.endswith(_PARQUET):
             size = os.path.getsize(file)
-            yield Entry(name, (Piece(file),), size // _BYTES_A_ROW, size, kept)
+            yield Entry(name, (Piece(file),), size // _BYTES_A_ROW, size, kept, None if _has_rows(file) else "no rows")
             return
         opened = _opened(file)
         columns = opened.schema_arrow.names
@@ -161,6 +163,13 @@ def _entries_in(file: str, path: str, by: str) -> Iterator[Entry]:
             yield Entry(name, (Piece(file),), 0, 0, kept, "no rows")
     except (OSError, ValueError, NotImplementedError) as error:
         yield Entry(name, (Piece(file),), 0, 0, kept, _unreadable(error))
+
+
+def _has_rows(file: str) -> bool:
+    """Whether a CSV trace has more than a header."""
+    with gzip.open(file, "rb") if file.endswith(".gz") else open(file, "rb") as stream:
+        rows = (line for line in stream if line.strip() and not line.startswith(b"#"))
+        return next(islice(rows, 1, None), None) is not None
 
 
 def _unreadable(error: Exception) -> str:
