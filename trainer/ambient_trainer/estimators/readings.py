@@ -4,7 +4,7 @@ Lags and regularisation of the joint distribution are those with the least diffe
 gates are the largest differences there, with a margin.
 """
 
-import itertools
+import operator
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -56,8 +56,9 @@ def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
     # the standard deviation of each reading's white noise; at least a 1000th of its own
     least = np.maximum(1e-3 * np.concatenate(runs, axis=1).std(axis=1), 1e-3)
     noise = np.maximum([noise_of(rows) for rows in zip(*runs)], least)
-    folds = [_Folds(runs, period_s, each) for each in lags]
-    chosen, ridge = min(itertools.product(folds, _RIDGES), key=lambda each: each[0].loss(each[1] * noise))
+    # one after the other: each holds all samples, several times
+    tried = ((each.loss(r * noise), r, each) for each in (_Folds(runs, period_s, lag) for lag in lags) for r in _RIDGES)
+    _, ridge, chosen = min(tried, key=operator.itemgetter(0))
     held_out = list(chosen.differences(ridge * noise))
     mean, precision = _distribution(chosen.total, ridge * noise)
     stride = max(1, min(round(1.0 / period_s), max(run.shape[1] for run in runs) // 2))
@@ -107,13 +108,14 @@ class _Folds:
 
     def __init__(self, runs: Sequence[Array], period_s: float, lags_s: tuple[float, ...]) -> None:
         self.lags_s = lags_s
-        self.tables: list[Array] = []
-        """Per run."""
+        tables = []
         for run in runs:
             before = np.concatenate([run.T[:1], run.T[:-1]])
             lows = [low_pass(before, lag_s, period_s, run[:, 0]) for lag_s in lags_s]
-            self.tables.append(np.column_stack([np.ones(len(before)), run.T, *lows]))
-        joint = np.concatenate(self.tables)
+            tables.append(np.column_stack([np.ones(len(before)), run.T, *lows]))
+        joint = np.concatenate(tables)
+        self.tables = np.split(joint, np.cumsum([len(each) for each in tables])[:-1])
+        """Per run."""
         self.total, self.blocks = joint.T @ joint, np.array_split(joint, _BLOCKS)
         self._own = [block.T @ block for block in self.blocks]
 
