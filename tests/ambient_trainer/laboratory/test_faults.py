@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from psutil import Process
 
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.campaign import load_campaign
@@ -112,6 +113,11 @@ def test_sigterm_ends_it_safely_even_with_the_chamber_away(campaign_file, tmp_pa
     with simulated_laboratory(loaded, Clock(SPEED), 2) as there:
         collector = Collector(spawn, _campaign(there, tmp_path), tmp_path / "t.csv", there.environment)
         until(lambda: there.chamber.held_degC == 40.0, seconds=100.0)
+        (guard,) = (
+            each for each in Process(collector.process.pid).children() if "watchdog" in " ".join(each.cmdline())
+        )
+        guard.kill()
+        until(lambda: any("was started again" in line for line in collector.lines), seconds=30.0)
         there.chamber.unplug()
         collector.process.send_signal(signal.SIGTERM)
         time.sleep(1.0)

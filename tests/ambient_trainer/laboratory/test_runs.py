@@ -118,12 +118,9 @@ def test_an_error_in_the_program_itself_comes_to_safety_first(night, monkeypatch
 
 
 def test_a_second_ctrl_c_does_not_wait_for_a_chamber_that_is_away(night):
-    def leave(there):
-        there.chamber.unplug()
-        lab.stop = "stopped by SIGINT"
-
     lab = night(minutes((20, 40)))
-    lab.run([(30.0, leave)], giving_up=True)
+    leave = [lambda there: there.chamber.unplug(), lambda _: setattr(lab, "stop", "stopped by SIGINT")]
+    lab.run([(30.0, deed) for deed in leave], giving_up=True)
     assert (lab.outcome.ending, lab.outcome.safe) == (Ending.STOPPED, False)
 
 
@@ -160,14 +157,8 @@ def test_what_is_not_ready_is_named_and_nothing_moves(night):
 
 
 def test_a_stop_while_an_instrument_is_waited_for_moves_nothing(night, monkeypatch):
-    asked = threading.Event()
-
-    def waits(_):
-        asked.set()
-        threading.Event().wait()
-
-    monkeypatch.setattr(DeviceUnderTest, "identify", waits)
-    lab = night(minutes((2, 22)))
+    lab, asked = night(minutes((2, 22))), threading.Event()
+    monkeypatch.setattr(DeviceUnderTest, "identify", lambda _: asked.set() or threading.Event().wait())
     threading.Thread(target=lambda: asked.wait(20) and setattr(lab, "stop", "stopped by SIGINT")).start()
     with pytest.raises(Refused, match=r"stopped by SIGINT.*nothing was moved"):
         lab.run()

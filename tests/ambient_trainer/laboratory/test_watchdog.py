@@ -69,6 +69,17 @@ def test_it_takes_over_where_it_is_asked_to_or_after_an_error(chamber, error, ta
     assert chamber.held_degC == held_degC
 
 
+def test_it_is_started_again_after_its_own_death_and_an_error_once_it_dies_too_often(chamber):
+    with watchdog_at(chamber.port) as watchdog:
+        for deaths in range(1, 6):
+            watchdog.process.kill()
+            watchdog.process.wait()
+            with contextlib.nullcontext() if deaths <= 3 else pytest.raises(OSError, match=f"{deaths} times"):
+                assert "started again" in watchdog.check()
+        watchdog.take_over()
+    assert (watchdog.process.wait(timeout=30), chamber.held_degC) == (0, SAFE_DEGC)
+
+
 def test_a_chamber_that_hears_and_does_not_answer_is_sent_to_safety(chamber, process, until):
     mute(chamber)
     process.stdin.close()

@@ -25,6 +25,7 @@ from ambient_trainer.laboratory.journal import Journal
 from ambient_trainer.laboratory.messages import CHAMBER, DEVICE, MULTIPLEXER, Clock, InstrumentError, Reading, Sample
 from ambient_trainer.laboratory.program import Program, SafetyLimits
 from ambient_trainer.laboratory.shell import connection_to
+from ambient_trainer.laboratory.watchdog import Watchdog
 from ambient_trainer.laboratory.workers import ChamberControl, LoadControl, Sampler, Target, Worker
 
 Equipment = Mapping[str, tuple[Any, float]]
@@ -146,6 +147,7 @@ class Run:
     journal: Journal
     program: Program
     _supervision: Supervision
+    watchdog: Watchdog | None = None
 
     def __post_init__(self) -> None:
         self.latest: dict[str, Sample] = {}
@@ -208,6 +210,8 @@ class Run:
                 return Ending.FAILED, f"{type(crash).__name__}: {crash}"
             if self.journal.failure is not None:
                 return Ending.FAILED, f"{self.journal.path}: cannot be written ({self.journal.failure.strerror})"
+            if self.watchdog is not None and (text := self.watchdog.check()):
+                self._note(text)
             if why := self._supervision.stopping():
                 return Ending.STOPPED, why
             before_s, now_s = now_s, self.clock.now_s()

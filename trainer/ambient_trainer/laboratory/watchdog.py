@@ -23,6 +23,7 @@ _LONGEST_S = 3600.0
 _BUSY_TIMES = 4
 """A port that is in use for so long has a collector again, which sees to the chamber; once, it may still be closing."""
 _SILENT_TIMES = 3  # after so many questions without an answer the set point is sent all the same
+_MOST_DEATHS = 3  # of the watchdog itself: whatever ends it goes on
 _log = logging.getLogger("ambient_trainer.laboratory")
 
 
@@ -30,21 +31,38 @@ class Watchdog:
     """A watchdog over the chamber for the time of a ``with`` block; ``log_path`` gets its steps where it acts."""
 
     def __init__(self, chamber: ChamberSettings, safe: Target, log_path: str) -> None:
-        self._taken_over = False
+        self._taken_over, self._deaths = False, 0
         order = {"chamber": chamber.model_dump(), "safe": safe, "log": log_path}
         self.argv = [sys.executable, "-m", __name__, json.dumps(order)]
 
     def __enter__(self) -> Watchdog:
         # a session of its own: what ends this one does not end it
-        pipe, silent = subprocess.PIPE, subprocess.DEVNULL
-        self.process = subprocess.Popen(self.argv, stdin=pipe, stdout=silent, stderr=silent, start_new_session=True)
+        silent = subprocess.DEVNULL
+        self.process = subprocess.Popen(
+            self.argv, stdin=subprocess.PIPE, stdout=silent, stderr=silent, start_new_session=True
+        )
+        assert self.process.stdin is not None
+        self._pipe = self.process.stdin
         return self
+
+    def check(self) -> str | None:
+        """Start it again where it has died; returns what to say of that, and raises OSError once it died too often."""
+        if (status := self.process.poll()) is None:
+            return None
+        self._deaths += 1
+        self._pipe.close()
+        self.__enter__()
+        died = f"the watchdog over the chamber has died (status {status})"
+        if self._deaths > _MOST_DEATHS:
+            raise OSError(f"{died}, {self._deaths} times by now: nothing may be left to see to the chamber")
+        return f"{died}, and was started again"
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Release it, as the run has seen to the chamber itself; but not after an error or ``take_over``."""
-        assert self.process.stdin is not None
         if self._taken_over or kind is not None:
-            self.process.stdin.close()
+            with contextlib.suppress(OSError):  # the outcome says that the chamber is not safe
+                self.check()
+            self._pipe.close()
         else:
             self.process.communicate(_RELEASE)
 
