@@ -68,7 +68,7 @@ def test_sensors_is_one_output_for_every_sensor_on_a_state():
 _OUTPUTS = "outputs:\n  ambient: {states: parallel, inputs: {board_degC: w}}\n"
 
 # what replaces what in the example, and each fault's place and a word of it
-BOARD, CHIP = "R_board_ambient", "R_chip_board"
+BOARD, CHIP, NODE = "R_board_ambient", "R_chip_board", "chip: {sensor: chip}"
 UNUSED = ("parameters.R_board_ambient", "nothing uses it")
 FAULTY = [
     ("form: rise  ", "frm: rise  ", ("form", "missing"), ("frm", "name, about, form, hold, nodes, edges")),
@@ -85,21 +85,11 @@ FAULTY = [
     (f"resistance: {CHIP}", "resistance: .nan", ("edges[0].resistance", "finite number")),
     (f"resistance: {CHIP}", "resistance: true", ("edges[0].resistance", "neither a name nor a number")),
     ("initial: 5, min: 0.1", "initial: 5, min: 6", ("parameters.R_chip_board.initial", "5 lies outside")),
-    (
-        "capacitance: C_board, sensor: board",
-        "capacitance: C_board",
-        ("nodes.board", "no sensor"),
-        ("outputs.ambient.inputs", "inputs are chip_degC"),
-    ),
-    ("chip: {sensor: chip}", "chip: {}", ("nodes.chip", "neither capacitance nor sensor"), ("nodes.chip", "no sensor")),
-    ("chip: {sensor: chip}", "chip: {sensor: board}", ("nodes.chip.sensor", "'board' reads another node")),
-    ("chip: {sensor: chip}", "chip: {sensor: ambient}", ("outputs.ambient", "'ambient_degC'")),
-    (
-        "chip: {sensor: chip}",
-        "chip: {sensor: chip}\n  ambient: {capacitance: 3}",
-        ("nodes.ambient", "boundary"),
-        ("nodes.ambient", "no way"),
-    ),
+    (", sensor: board", "", ("nodes.board", "no sensor"), ("outputs.ambient.inputs", "inputs are chip_degC")),
+    (NODE, "chip: {}", ("nodes.chip", "neither capacitance nor sensor"), ("nodes.chip", "no sensor")),
+    (NODE, "chip: {sensor: board}", ("nodes.chip.sensor", "'board' reads another node")),
+    (NODE, "chip: {sensor: ambient}", ("outputs.ambient", "'ambient_degC'")),
+    (NODE, NODE + "\n  ambient: {capacitance: 3}", ("nodes.ambient", "boundary"), ("nodes.ambient", "no way")),
     ("[board, ambient]", "[board, chip]", ("outputs.ambient.states", "no edge"), ("nodes.board", "no way")),
     ("states: parallel", "states: series", ("outputs.ambient.states", "weight for each node")),
     ("states: parallel", "states: {chip: 1}", ("outputs.ambient.states", "'chip'")),

@@ -121,8 +121,12 @@ def test_fewer_than_two_units_are_refused_before_the_engine_starts(form, fleet_u
     assert form == "unlike" or not (tmp_path / "out").exists()
 
 
-def test_an_interrupted_run_goes_on_and_another_is_refused(logs, tmp_path, monkeypatch):
+def test_an_interrupted_run_goes_on_and_another_is_refused(fleet_units, tmp_path, monkeypatch):
     monkeypatch.setattr(run, "CHUNK", 4)
+    logs, log = tmp_path / "logs", tmp_path / "logs" / f"{fleet_units[0].name}.csv"
+    logs.mkdir()
+    for each in fleet_units:
+        save_trace(f"{logs}/{each.name}.csv", each.trace)
     whole = at.fit_fleet(logs, "free-1", tmp_path / "whole", engine="serial", effort=EFFORT)
     seen = []
 
@@ -133,8 +137,11 @@ def test_an_interrupted_run_goes_on_and_another_is_refused(logs, tmp_path, monke
 
     with pytest.raises(KeyboardInterrupt):
         at.fit_fleet(logs, "free-1", tmp_path / "part", engine="serial", effort=EFFORT, progress=stop)
-    with pytest.raises(Refused):
-        at.fit_fleet(logs, "free-2", tmp_path / "part", engine="serial", effort=EFFORT, resume=True)
+    for circuit, content in (("free-2", log.read_bytes()), ("free-1", log.read_bytes() + b"\n")):
+        log.write_bytes(content)
+        with pytest.raises(Refused, match="resume"):
+            at.fit_fleet(logs, circuit, tmp_path / "part", engine="serial", effort=EFFORT, resume=True)
+    log.write_bytes(content[:-1])
     (tmp_path / "part/.parts/look-000001.pickle").write_bytes(b"")  # after a power failure
     begun = []
     monkeypatch.setattr(fit_units, "begin", lambda *_: begun.append(1))

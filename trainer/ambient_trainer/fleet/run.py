@@ -126,7 +126,8 @@ def _identity(question: Question, listed: Sequence[Entry]) -> str:
     asked = (__version__, CHUNK, circuits, question.source, question.sensors, effort.starts, effort.seed)
     digest = hashlib.sha256(repr(asked).encode())
     for each in listed:
-        digest.update(repr((each.unit, each.rows, each.fault, [piece.row_group for piece in each.pieces])).encode())
+        row_groups = [piece.row_group for piece in each.pieces]
+        digest.update(repr((each.unit, each.rows, each.size, each.fault, row_groups)).encode())
     return digest.hexdigest()
 
 
