@@ -149,10 +149,8 @@ def test_what_is_not_ready_is_named_and_nothing_moves(night):
 
     lab = night(minutes((2, 22)))
     faults = [str(fault) for fault in refused(lab.run, before=prepare).faults]
-    told = {"chamber": "07 overtemperature", "multiplexer": "air2", "device": "no devices/emulators found"}
-    for fault, (source, part) in zip(faults, told.items()):
-        assert fault.startswith(f"{source} on ")
-        assert part in fault
+    told = ("chamber on .*07 overtemperature", "multiplexer on .*air2", "device on .*no devices/emulators found")
+    assert all(map(re.match, told, faults)), faults
     assert (len(faults), lab.held_degC, lab.part.exists()) == (3, None, False)
 
 

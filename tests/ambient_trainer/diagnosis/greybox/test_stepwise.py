@@ -374,6 +374,7 @@ def test_a_body_that_is_put_there_for_a_while_is_no_place_for_others(circuit, si
     beside = fit(bare.model.with_mechanism(put), records, [None for _ in records], most=2)
     for each in screen(Scene(beside), changed_candidates):
         assert np.isfinite(beside.model.with_mechanism(each.mechanism).z()).all(), str(each.mechanism)
+        assert not each.mechanism.key[2].startswith("ambient_degC >"), "known-good records would have shown it"
 
 
 def test_a_pressure_heats_by_its_rate_alone_and_a_sun_that_hardly_moves(circuit, simulated, recorded):

@@ -1,7 +1,7 @@
 """Heat by one driver that seems to be at several places: at one of them, and conducted to the others by paths.
 
 The paths make a tree. It grows by the one that leaves least; then each is exchanged while that leaves less: of places
-in a row the outer ones may have been joined first.
+in a row the outer ones may have been joined first, or what it led to has a heater of its own.
 """
 
 from __future__ import annotations
@@ -44,13 +44,21 @@ def conducted(step: Step) -> list[Step]:
     trees = [_ended(each) for each in grown if each is not None and len(each.model.mechanisms) > given + 1]
     if not trees:
         return []
-    tree = _ended(_exchanged(min(trees, key=_left), given + 1, paths)).refitted()
+    sources = [*paths, *(heat.at_places([index]) for index in range(len(heat.places)))]
+    joined = _exchanged(min(trees, key=_left), given + 1, paths)
+    apart = _exchanged(joined, given + 1, sources)
+    tree = min((_ended(each).refitted() for each in ([joined] if apart is joined else [joined, apart])), key=score)
     added = range(given, len(tree.model.mechanisms))
     sound = all(identified(tree, index) for index in added) and not tree.at_bounds - before.at_bounds
     several = penalised(step.chosen) + PENALTY * assumed(before.model)
     if not sound or score(tree) > several - LEAST_GAIN:
         return []
-    return [replace(each, trials=tuple(_rivals(each, step, paths))) for each in steps_to(before, tree, step.tried)]
+    steps = steps_to(before, tree, step.tried)
+    heater = next(each for each in steps if each.chosen and each.chosen.mechanism.cause == heat.cause)
+    return [
+        replace(each, trials=tuple(_rivals(each, step) if each is heater else _others(each, step, sources)))
+        for each in steps
+    ]
 
 
 def _at_several(mechanism: Mechanism) -> bool:
@@ -67,53 +75,61 @@ def _grown(fitted: Fitted | None, paths: Sequence[path.Path]) -> Fitted | None:
     return fitted
 
 
-def _exchanged(tree: Fitted, first: int, paths: Sequence[path.Path]) -> Fitted:
-    """With another path in the place of one, of those from ``first`` on, where less is left, till none does better."""
+def _exchanged(tree: Fitted, first: int, sources: Sequence[Mechanism]) -> Fitted:
+    """With another source in the place of one, from ``first`` on, where less is left, till none does better."""
     for index in range(first, len(tree.model.mechanisms)):
-        other = min(_instead(tree, index, paths), key=_left, default=tree)
+        other = min(_instead(tree, index, sources), key=_left, default=tree)
         if _left(other) < _LESS * _left(tree):
-            return _exchanged(other, first, paths)
+            return _exchanged(other, first, sources)
     return tree
 
 
-def _instead(tree: Fitted, index: int, paths: Sequence[path.Path]) -> Iterator[Fitted]:
-    """With each other path in the place of one."""
+def _instead(tree: Fitted, index: int, sources: Sequence[Mechanism]) -> Iterator[Fitted]:
+    """With each other path, or heat where there would be none, in the place of one."""
     without = tree.model.without(index)
-    apart = _apart(without, tree.records[0], paths)
-    others = (each for each in apart if each.key != tree.model.mechanisms[index].key)
+    others = _apart(without, tree.records[0], sources)
+    others = (each for each in others if each.key != tree.model.mechanisms[index].key)
     yield from (fitted for each in others if (fitted := _beside(tree, without, each)) is not None)
 
 
-def _rivals(found: Step, step: Step, paths: Sequence[path.Path]) -> Iterator[Trial]:
-    """What else does: heat at several places, or other paths beside all others; heat at other places beside those, and
-    by other drivers, which paths would help as much."""
+def _others(found: Step, step: Step, sources: Sequence[Mechanism]) -> Iterator[Trial]:
+    """What else does in the place of one source: heat at several places, or another source beside all others."""
     assert found.chosen is not None
     assert step.chosen is not None
-    tree, mechanism = found.chosen.fitted, found.chosen.mechanism
-    index = len(tree.model.mechanisms) - 1
-    if mechanism.cause == path.Path.cause:
-        others = list(_instead(tree, index, paths))
-        yield step.chosen
-    else:
-        heat = step.chosen.mechanism
-        elsewhere = [heat.at_places([each]) for each, place in enumerate(heat.places) if (place,) != mechanism.places]
-        fitted = (_beside(tree, tree.model.without(index), each) for each in elsewhere)
-        others = [each for each in fitted if each is not None]
-        gain = found.chosen.rmse_degC / step.chosen.rmse_degC
-        same = (heat.key[2], mechanism.cause)
-        for each in step.trials:
-            alike = (each.mechanism.key[2], each.mechanism.cause) == same
-            yield each if alike else replace(each, rmse_degC=gain * each.rmse_degC)
-    yield from (Trial.of(found.before, each.refitted()) for each in others)
+    yield step.chosen
+    last = len(found.chosen.fitted.model.mechanisms) - 1
+    for each in _instead(found.chosen.fitted, last, sources):
+        yield Trial.of(found.before, each.refitted())
 
 
-def _apart(model: GreyBox, record: Record, paths: Sequence[path.Path]) -> Iterator[path.Path]:
-    """The paths that join what is not joined otherwise."""
+def _rivals(found: Step, step: Step) -> Iterator[Trial]:
+    """What else does in the place of the heater: heat at other places, and by other drivers, which what is beside it
+    would help as much."""
+    assert found.chosen is not None
+    assert step.chosen is not None
+    fitted, mine, heat = found.chosen.fitted, found.chosen.mechanism, step.chosen.mechanism
+    gain = found.chosen.rmse_degC / step.chosen.rmse_degC
+    for each in step.trials:
+        alike = (each.mechanism.key[2], each.mechanism.cause) == (heat.key[2], mine.cause)
+        yield each if alike else replace(each, rmse_degC=gain * each.rmse_degC)
+    model = fitted.model.without(len(fitted.model.mechanisms) - 1)
+    heated = {place for each in fitted.model.mechanisms if each.cause == heat.cause for place in each.places}
+    for index in (each for each, place in enumerate(heat.places) if place not in heated):
+        if (other := _beside(fitted, model, heat.at_places([index]))) is not None:
+            yield Trial.of(found.before, other.refitted())
+
+
+def _apart(model: GreyBox, record: Record, sources: Sequence[Mechanism]) -> Iterator[Mechanism]:
+    """The paths that join what is not joined otherwise, and heat into what the same driver does not heat."""
     network = model.network(record, model.z()[None])
     _, part = connected_components(network.between[0] > 0, directed=False)
-    for each in paths:
-        one, other = (part[network.index(end)] for end in each.ends)
-        if one != other:
+    for each in sources:
+        alike = (other for other in model.mechanisms if (other.cause, other.key[2]) == (each.cause, each.key[2]))
+        heated = {
+            part[network.index(place)] for other in alike if other.cause == "heat_source" for place in other.places
+        }
+        reached = {part[network.index(end)] for end in (each.ends if isinstance(each, path.Path) else each.places)}
+        if len(reached) > 1 or (each.cause == "heat_source" and heated.isdisjoint(reached)):
             yield each
 
 

@@ -40,7 +40,7 @@ HUMIDITY = {"humidity", "rh"}
 """Words in the name of a relative humidity, which falls where the air is warmed: an effect as well as a cause."""
 PRESSURES = ("_hPa", "_Pa", "_bar")
 """What is compressed warms by its rate; of others only the rate of a share that heats a slow body heats a fast one."""
-_SQUARED = ("_A", "_m_s", "_rpm")
+_SQUARED = ("_A", "_m_s", "_rpm", "_rad_s")
 _ANGLES = ("_deg",)
 _FLOWS = ("_Hz", "_kg_s", "_g_s", "_m3_h", "_m3_s", "_L_min", "_L_h", "_L_s", "_l_min", "_l_h", "_l_s", "_lpm", "_gpm")
 """A turbine meter gives pulses."""

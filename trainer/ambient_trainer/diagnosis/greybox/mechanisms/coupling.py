@@ -95,10 +95,11 @@ def _with_bodies(network: Network, places: Sequence[str], air: int) -> tuple[NDA
 
 @dataclass(frozen=True)
 class ZoneLoss(Coupling):
-    """The loss differs between a hot and a cold ambient."""
+    """The loss differs between a hot and a cold ambient, in known-good records as well."""
 
     cause = "convection_law"
     noun = Exponent.noun
+    structural = True
 
 
 def windowed(scene: Scene) -> Iterator[Mechanism]:
