@@ -75,7 +75,8 @@ def load_trace(source: str | os.PathLike[str] | pd.DataFrame) -> Trace:
     """Trace in a CSV file, ``.gz`` too, or in a DataFrame.
 
     A frame has columns ``<name>_<unit>``, NaN for a missing value, and the time as the column ``time_s`` or the index:
-    in s, or dates or durations, which count from the first row. String entries of ``DataFrame.attrs`` become the notes.
+    in s, or dates or durations, which count from the first row; one that counts the rows has one a second. String
+    entries of ``DataFrame.attrs`` become the notes.
     Raises :class:`Refused`, naming line or row and column, for anything that the contract does not allow.
     """
     if not isinstance(source, (str, os.PathLike)):
