@@ -47,7 +47,9 @@ def conducted(step: Step) -> list[Step]:
     sources = [*paths, *(heat.at_places([index]) for index in range(len(heat.places)))]
     joined = _exchanged(min(trees, key=_left), given + 1, paths)
     apart = _exchanged(joined, given + 1, sources)
-    tree = min((_ended(each).refitted() for each in ([joined] if apart is joined else [joined, apart])), key=score)
+    # without a path it is heat at several places, which it is compared with
+    mixed = apart is not joined and any(each.cause == path.Path.cause for each in apart.model.mechanisms[given:])
+    tree = min((_ended(each).refitted() for each in ([joined, apart] if mixed else [joined])), key=score)
     added = range(given, len(tree.model.mechanisms))
     sound = all(identified(tree, index) for index in added) and not tree.at_bounds - before.at_bounds
     several = penalised(step.chosen) + PENALTY * assumed(before.model)
