@@ -14,13 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from psutil import Process
 
 from ambient_trainer.data.trace import load_trace
+from ambient_trainer.laboratory import watchdog
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.journal import read_journal
 from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, MULTIPLEXER, Clock, Sample
 from ambient_trainer.laboratory.simulation import simulated_laboratory
+from processes import under
 
 SPEED = 60.0
 SAFE_DEGC = 20.0
@@ -113,10 +114,8 @@ def test_sigterm_ends_it_safely_even_with_the_chamber_away(campaign_file, tmp_pa
     with simulated_laboratory(loaded, Clock(SPEED), 2) as there:
         collector = Collector(spawn, _campaign(there, tmp_path), tmp_path / "t.csv", there.environment)
         until(lambda: there.chamber.held_degC == 40.0, seconds=100.0)
-        (guard,) = (
-            each for each in Process(collector.process.pid).children() if "watchdog" in " ".join(each.cmdline())
-        )
-        guard.kill()
+        below = under(collector.process.pid, "cmdline").items()
+        os.kill(next(pid for pid, words in below if watchdog.__name__ in words), signal.SIGKILL)
         until(lambda: any("was started again" in line for line in collector.lines), seconds=30.0)
         there.chamber.unplug()
         collector.process.send_signal(signal.SIGTERM)

@@ -93,9 +93,8 @@ def test_a_collector_that_was_started_again_has_the_chamber(chamber, process, cl
 
 
 def test_a_chamber_that_was_stopped_stays_so(chamber, process):
-    driver = driver_at(chamber.port)
-    driver.read()
-    driver.stop()
-    driver.close()
+    with contextlib.closing(driver_at(chamber.port)) as driver:
+        driver.read()
+        driver.stop()
     ends(process)
     assert chamber.held_degC is None

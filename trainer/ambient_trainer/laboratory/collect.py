@@ -120,14 +120,15 @@ def _run(job: Job, run: Run) -> Collected:
     chamber, safe_degC = campaign.laboratory.instruments.chamber, campaign.laboratory.safety.set_point_degC
     with contextlib.ExitStack() as stack:
         stack.callback(run.journal.close)
+        watchdog = None
         # a simulated chamber ends with this process
         if chamber is not None and safe_degC is not None and not job.simulated:
             log_path = os.path.abspath(f"{job.output}.safety.log")
             safe = Target(safe_degC, campaign.no_gradient_K_min, urgent=True)
-            run.watchdog = stack.enter_context(Watchdog(chamber, safe, log_path))
-        outcome = run.conduct()
-        if run.watchdog is not None and not outcome.safe:
-            run.watchdog.take_over()
+            watchdog = stack.enter_context(Watchdog(chamber, safe, log_path))
+        outcome = run.conduct(watchdog)
+        if watchdog is not None and not outcome.safe:
+            watchdog.take_over()
     return _written(job, outcome)
 
 

@@ -147,7 +147,6 @@ class Run:
     journal: Journal
     program: Program
     _supervision: Supervision
-    watchdog: Watchdog | None = None
 
     def __post_init__(self) -> None:
         self.latest: dict[str, Sample] = {}
@@ -167,15 +166,15 @@ class Run:
             if source != CHAMBER:
                 self._workers.append(Sampler(source, driver, period_s, self.clock, self._messages.put))
 
-    def conduct(self) -> Outcome:
-        """Run the program to its end, or to safety."""
+    def conduct(self, watchdog: Watchdog | None = None) -> Outcome:
+        """Run the program to its end, or to safety; ``watchdog`` is started again where it dies meanwhile."""
         ending, why = Ending.FAILED, "the program failed"
         try:
             for worker in self._workers:
                 worker.start()
             self._apply_step()
             self._begin_step()
-            ending, why = self._until_over()
+            ending, why = self._until_over(watchdog)
         except Exception as error:  # whatever it is: the chamber comes first, and then it is shown
             why = f"{type(error).__name__}: {error}"
         finally:
@@ -202,7 +201,7 @@ class Run:
         self._workers.append(control)
         return control
 
-    def _until_over(self) -> tuple[Ending, str]:
+    def _until_over(self, watchdog: Watchdog | None) -> tuple[Ending, str]:
         now_s = self.clock.now_s()
         while not self.program.over:
             self._receive()
@@ -210,7 +209,7 @@ class Run:
                 return Ending.FAILED, f"{type(crash).__name__}: {crash}"
             if self.journal.failure is not None:
                 return Ending.FAILED, f"{self.journal.path}: cannot be written ({self.journal.failure.strerror})"
-            if self.watchdog is not None and (text := self.watchdog.check()):
+            if watchdog is not None and (text := watchdog.check()):
                 self._note(text)
             if why := self._supervision.stopping():
                 return Ending.STOPPED, why

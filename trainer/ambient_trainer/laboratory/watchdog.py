@@ -36,33 +36,37 @@ class Watchdog:
         self.argv = [sys.executable, "-m", __name__, json.dumps(order)]
 
     def __enter__(self) -> Watchdog:
-        # a session of its own: what ends this one does not end it
-        silent = subprocess.DEVNULL
-        self.process = subprocess.Popen(
-            self.argv, stdin=subprocess.PIPE, stdout=silent, stderr=silent, start_new_session=True
-        )
-        assert self.process.stdin is not None
-        self._pipe = self.process.stdin
+        self._start()
         return self
+
+    def _start(self) -> None:
+        # a session of its own: what ends this one does not end it
+        pipe, silent = subprocess.PIPE, subprocess.DEVNULL
+        self.process = subprocess.Popen(self.argv, stdin=pipe, stdout=silent, stderr=silent, start_new_session=True)
 
     def check(self) -> str | None:
         """Start it again where it has died; returns what to say of that, and raises OSError once it died too often."""
         if (status := self.process.poll()) is None:
             return None
         self._deaths += 1
-        self._pipe.close()
-        self.__enter__()
+        self._let_go()
+        self._start()
         died = f"the watchdog over the chamber has died (status {status})"
         if self._deaths > _MOST_DEATHS:
             raise OSError(f"{died}, {self._deaths} times by now: nothing may be left to see to the chamber")
         return f"{died}, and was started again"
+
+    def _let_go(self) -> None:
+        """End the pipe without a release."""
+        assert self.process.stdin is not None
+        self.process.stdin.close()
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Release it, as the run has seen to the chamber itself; but not after an error or ``take_over``."""
         if self._taken_over or kind is not None:
             with contextlib.suppress(OSError):  # the outcome says that the chamber is not safe
                 self.check()
-            self._pipe.close()
+            self._let_go()
         else:
             self.process.communicate(_RELEASE)
 
