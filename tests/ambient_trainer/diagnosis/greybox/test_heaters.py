@@ -1,4 +1,4 @@
-"""Heaters of two bodies: each at its own place, unless both follow one of them, or one body warms the other."""
+"""Heaters of several bodies: each at its own place, unless all follow one of them, or one body warms another."""
 
 from types import SimpleNamespace
 
@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
-from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.choice import Limits, Step, choose
 from ambient_trainer.diagnosis.greybox.conducted import conducted
 from ambient_trainer.diagnosis.greybox.expression import Expression
@@ -22,12 +20,10 @@ from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
 from ambient_trainer.diagnosis.greybox.trials import compared
 from ambient_trainer.diagnosis.record import records
 
-from ...conftest import CIRCUITS
-from .test_places import PAIR
+from .test_places import PAIR, TRIO
 from .test_unlogged_room import TIME_S, in_a_room
 
 PERIOD_S, SAMPLES, SUBSTEPS = 5.0, 400, 10
-TRIO = forward(parse_circuit((CIRCUITS / "trio.yaml").read_text(), "trio"))
 
 
 def warmed(seed: int, into: tuple[str, str]) -> Trace:

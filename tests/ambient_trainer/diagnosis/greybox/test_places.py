@@ -20,7 +20,7 @@ from ambient_trainer.diagnosis.result import UNKNOWN, Cause
 
 from ...conftest import CIRCUITS
 
-PAIR = forward(parse_circuit((CIRCUITS / "pair.yaml").read_text(), "pair"))
+PAIR, TRIO = (forward(parse_circuit((CIRCUITS / f"{name}.yaml").read_text(), name)) for name in ("pair", "trio"))
 TIME_S = 30.0 * np.arange(1500)
 
 

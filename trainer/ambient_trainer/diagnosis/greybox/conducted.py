@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from ambient_trainer.diagnosis.greybox.backward import score, steps_to
@@ -24,6 +25,7 @@ _MOST_PLACES, _ORIGINS = 6, 2
 """With more the exchanges take long; and places from which trees grow, those that explain most alone."""
 _FEW, _MANY = 10, 30
 """Steps of a fit, and of the last one."""
+_HEAT = "heat_source"
 _LESS = 0.99
 """Of the error in sample: what an exchange leaves at most."""
 
@@ -55,18 +57,13 @@ def conducted(step: Step) -> list[Step]:
     several = penalised(step.chosen) + PENALTY * assumed(before.model)
     if not sound or score(tree) > several - LEAST_GAIN:
         return []
-    steps = steps_to(before, tree, step.tried)
-    heater = next(each for each in steps if each.chosen and each.chosen.mechanism.cause == heat.cause)
-    return [
-        replace(each, trials=tuple(_rivals(each, step) if each is heater else _others(each, step, sources)))
-        for each in steps
-    ]
+    return [replace(each, trials=tuple(_rivals(each, step, sources))) for each in steps_to(before, tree, step.tried)]
 
 
 def _at_several(mechanism: Mechanism) -> bool:
     """Whether it is heat by a driver at several places, all the time."""
     several = 1 < len(mechanism.places) <= _MOST_PLACES
-    return several and mechanism.cause == "heat_source" and mechanism.lasts and mechanism.driver is not None
+    return several and mechanism.cause == _HEAT and mechanism.lasts and mechanism.driver is not None
 
 
 def _grown(fitted: Fitted | None, paths: Sequence[path.Path]) -> Fitted | None:
@@ -87,51 +84,42 @@ def _exchanged(tree: Fitted, first: int, sources: Sequence[Mechanism]) -> Fitted
 
 
 def _instead(tree: Fitted, index: int, sources: Sequence[Mechanism]) -> Iterator[Fitted]:
-    """With each other path, or heat where there would be none, in the place of one."""
+    """With each other source, of those that join what would be apart, in the place of one."""
     without = tree.model.without(index)
     others = _apart(without, tree.records[0], sources)
     others = (each for each in others if each.key != tree.model.mechanisms[index].key)
     yield from (fitted for each in others if (fitted := _beside(tree, without, each)) is not None)
 
 
-def _others(found: Step, step: Step, sources: Sequence[Mechanism]) -> Iterator[Trial]:
-    """What else does in the place of one source: heat at several places, or another source beside all others."""
+def _rivals(found: Step, step: Step, sources: Sequence[Mechanism]) -> Iterator[Trial]:
+    """What else does: heat at several places, or other sources beside all others; in the place of heat that by other
+    drivers, too, which what is beside it would help as much."""
     assert found.chosen is not None
     assert step.chosen is not None
-    yield step.chosen
-    last = len(found.chosen.fitted.model.mechanisms) - 1
-    for each in _instead(found.chosen.fitted, last, sources):
-        yield Trial.of(found.before, each.refitted())
-
-
-def _rivals(found: Step, step: Step) -> Iterator[Trial]:
-    """What else does in the place of the heater: heat at other places, and by other drivers, which what is beside it
-    would help as much."""
-    assert found.chosen is not None
-    assert step.chosen is not None
-    fitted, mine, heat = found.chosen.fitted, found.chosen.mechanism, step.chosen.mechanism
-    gain = found.chosen.rmse_degC / step.chosen.rmse_degC
-    for each in step.trials:
-        alike = (each.mechanism.key[2], each.mechanism.cause) == (heat.key[2], mine.cause)
-        yield each if alike else replace(each, rmse_degC=gain * each.rmse_degC)
-    model = fitted.model.without(len(fitted.model.mechanisms) - 1)
-    heated = {place for each in fitted.model.mechanisms if each.cause == heat.cause for place in each.places}
-    for index in (each for each, place in enumerate(heat.places) if place not in heated):
-        if (other := _beside(fitted, model, heat.at_places([index]))) is not None:
-            yield Trial.of(found.before, other.refitted())
+    fitted, mechanism, heat = found.chosen.fitted, found.chosen.mechanism, step.chosen.mechanism
+    if mechanism.cause == path.Path.cause:
+        yield step.chosen
+    else:
+        gain = found.chosen.rmse_degC / step.chosen.rmse_degC
+        same = (heat.key[2], mechanism.cause)
+        for each in step.trials:
+            alike = (each.mechanism.key[2], each.mechanism.cause) == same
+            yield each if alike else replace(each, rmse_degC=gain * each.rmse_degC)
+    for other in _instead(fitted, len(fitted.model.mechanisms) - 1, sources):
+        yield Trial.of(found.before, other.refitted())
 
 
 def _apart(model: GreyBox, record: Record, sources: Sequence[Mechanism]) -> Iterator[Mechanism]:
-    """The paths that join what is not joined otherwise, and heat into what the same driver does not heat."""
+    """The sources that join what is not joined otherwise: a path two nodes, heat a node to its driver."""
     network = model.network(record, model.z()[None])
-    _, part = connected_components(network.between[0] > 0, directed=False)
+    heats = {each.key[2] for each in sources if each.cause == _HEAT}
+    alike = (each for each in model.mechanisms if each.cause == _HEAT and each.key[2] in heats)
+    joined = np.pad(network.between[0] > 0, (0, 1))  # the last is the driver
+    joined[[network.index(place) for each in alike for place in each.places], -1] = True
+    _, part = connected_components(joined, directed=False)
     for each in sources:
-        alike = (other for other in model.mechanisms if (other.cause, other.key[2]) == (each.cause, each.key[2]))
-        heated = {
-            part[network.index(place)] for other in alike if other.cause == "heat_source" for place in other.places
-        }
-        reached = {part[network.index(end)] for end in (each.ends if isinstance(each, path.Path) else each.places)}
-        if len(reached) > 1 or (each.cause == "heat_source" and heated.isdisjoint(reached)):
+        ends = [network.index(end) for end in (each.ends if isinstance(each, path.Path) else each.places)]
+        if len(set(part[ends if len(ends) > 1 else [*ends, -1]])) > 1:
             yield each
 
 
