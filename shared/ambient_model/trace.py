@@ -18,10 +18,8 @@ REFERENCE = "ambient_degC"
 LARGEST = 1e30
 """An open thermocouple reads 9.9e37, and sums of squares of larger numbers overflow."""
 _LONGEST_LINE = 2**20
-_PER_AREA = ("kW_m2", "W_m2")
-_PER_TIME = ("m_s", "km_h", "rad_s", "kg_s", "kg_h", "g_s")
-_FLOWS = ("l_s", "l_min", "l_h", "L_s", "L_min", "L_h", "m3_s", "m3_min", "m3_h")
-_UNITS_OF_TWO = (*_PER_AREA, *_PER_TIME, *_FLOWS)
+FLOW_UNITS = ("kg_s", "kg_h", "g_s", "l_s", "l_min", "l_h", "L_s", "L_min", "L_h", "m3_s", "m3_min", "m3_h")
+_UNITS_OF_TWO = ("kW_m2", "W_m2", "m_s", "km_h", "rad_s", *FLOW_UNITS)
 
 _Read = TypeVar("_Read")
 

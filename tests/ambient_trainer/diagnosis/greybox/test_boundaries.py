@@ -25,6 +25,7 @@ def test_a_flow_carries_what_comes_in(circuit, seed):
     columns = {"flow_L_min": flow_L_min, "water_in_degC": inlet_degC}
     step = diagnose(circuit, [in_a_room(flow_W, draw, [25.0], columns=columns)]).verdict
     assert step.cause == Cause("path", "board-water_in", "flow_L_min"), seed
+    assert step.magnitude.unit == "W/K per L/min"
     assert step.confidence > 0.9, seed
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.signal import correlate, find_peaks
 
-from ambient_model.trace import REFERENCE
+from ambient_model.trace import FLOW_UNITS, REFERENCE
 from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.expression import LATE, Expression, words_in
@@ -42,7 +42,7 @@ PRESSURES = ("_hPa", "_Pa", "_bar")
 """What is compressed warms by its rate; of others only the rate of a share that heats a slow body heats a fast one."""
 _SQUARED = ("_A", "_m_s", "_rpm", "_rad_s")
 _ANGLES = ("_deg",)
-_FLOWS = ("_Hz", "_kg_s", "_g_s", "_m3_h", "_m3_s", "_L_min", "_L_h", "_L_s", "_l_min", "_l_h", "_l_s", "_lpm", "_gpm")
+_FLOWS = ("_Hz", "_lpm", "_gpm", *(f"_{each}" for each in FLOW_UNITS))
 """A turbine meter gives pulses."""
 _CHARGES, _SHARES = ("_As", "_Ah", "_frac"), ("_frac", "_on")
 _OF_A_CURRENT = (*_CHARGES, "_V")
