@@ -141,18 +141,11 @@ def diagnose_changed(
     with threadpool_limits(1):
         bare = known.bare_fit(own)
         selection = stepwise(bare, limits=Limits(known.rmse_degC), progress=progress, offered=changed_candidates)
-    before, after = selection.bare.held_out_rmse_degC, _after_degC(selection)
+    before, final = selection.bare.held_out_rmse_degC, selection.final
+    lasting = all(each.lasts for each in final.model.mechanisms)
+    after = final.held_out_rmse_degC if lasting else final.by_stretches_degC(selection.bare)
     most = max(_MOST_MISFIT, min(_UNDESCRIBED * before / known.rmse_degC, _MOST_OF_A_LARGE_MISFIT))
     return _diagnosis(circuit, traces, selection, None, baselines, described=after < most * known.rmse_degC)
-
-
-def _after_degC(selection: Selection) -> float:
-    """What is left of held-out data: of short stretches where something acts for a while, as of a window that is left
-    out whole nothing is known."""
-    bare, final = selection.bare, selection.final
-    if all(each.lasts for each in final.model.mechanisms):
-        return final.held_out_rmse_degC
-    return bare.held_out_rmse_degC * math.sqrt(final.combed.sum() / bare.combed.sum())
 
 
 def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None) -> Diagnosis:

@@ -191,6 +191,11 @@ class Fitted:
         """Root mean square over all folds."""
         return float(np.sqrt(self.held_out.sum() / left_out_count(self.fold)))
 
+    def by_stretches_degC(self, before: Fitted) -> float:
+        """What is left of held-out data by short stretches, beside what ``before`` leaves of it: of a window that is
+        left out whole nothing is known."""
+        return before.held_out_rmse_degC * float(np.sqrt(self.combed.sum() / before.combed.sum()))
+
     @cached_property
     def covariance(self) -> Array:
         """Of the coordinates, by the scatter of whole blocks (a sandwich): residuals within one are correlated."""

@@ -59,7 +59,7 @@ class Trial:
         """The last mechanism of ``after``; one that acts for a while is scored on short stretches."""
         mechanism, error = after.model.mechanisms[-1], after.held_out_rmse_degC
         if not mechanism.lasts:
-            error = before.held_out_rmse_degC * float(np.sqrt(after.combed.sum() / before.combed.sum()))
+            error = after.by_stretches_degC(before)
         # an earlier time constant may well turn out to be longer than the record
         new = after.at_bounds - before.at_bounds
         numbers, own = after.model.numbers, len(after.model.numbers) - len(mechanism.numbers)
