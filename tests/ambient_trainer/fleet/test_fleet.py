@@ -17,6 +17,7 @@ from ambient_trainer.fleet import engine, fit_units, run
 from ambient_trainer.simulator.fleet import fleet
 
 from .conftest import PLAN
+from .test_dataset import as_csv
 
 EFFORT = at.Effort(starts=2)
 
@@ -125,8 +126,7 @@ def test_an_interrupted_run_goes_on_and_another_is_refused(fleet_units, tmp_path
     monkeypatch.setattr(run, "CHUNK", 4)
     logs, log = tmp_path / "logs", tmp_path / "logs" / f"{fleet_units[0].name}.csv"
     logs.mkdir()
-    for each in fleet_units:
-        save_trace(f"{logs}/{each.name}.csv", each.trace)
+    as_csv(logs, None, fleet_units)
     whole = at.fit_fleet(logs, "free-1", tmp_path / "whole", engine="serial", effort=EFFORT)
     seen = []
 

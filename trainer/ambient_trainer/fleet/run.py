@@ -126,8 +126,7 @@ def _identity(question: Question, listed: Sequence[Entry]) -> str:
     asked = (__version__, CHUNK, circuits, question.source, question.sensors, effort.starts, effort.seed)
     digest = hashlib.sha256(repr(asked).encode())
     for each in listed:
-        row_groups = [piece.row_group for piece in each.pieces]
-        digest.update(repr((each.unit, each.rows, each.size, each.fault, row_groups)).encode())
+        digest.update(repr((each.unit, each.size, each.fault, [piece.row_group for piece in each.pieces])).encode())
     return digest.hexdigest()
 
 
