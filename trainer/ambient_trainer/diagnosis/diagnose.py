@@ -141,11 +141,24 @@ def diagnose_changed(
     with threadpool_limits(1):
         bare = known.bare_fit(own)
         selection = stepwise(bare, limits=Limits(known.rmse_degC), progress=progress, offered=changed_candidates)
-    before, final = selection.bare.held_out_rmse_degC, selection.final
+    before, final, good = selection.bare.held_out_rmse_degC, selection.final, known.rmse_degC
+    most = max(_MOST_MISFIT, min(_UNDESCRIBED * before / good, _MOST_OF_A_LARGE_MISFIT))
     lasting = all(each.lasts for each in final.model.mechanisms)
-    after = final.held_out_rmse_degC if lasting else final.by_stretches_degC(selection.bare)
-    most = max(_MOST_MISFIT, min(_UNDESCRIBED * before / known.rmse_degC, _MOST_OF_A_LARGE_MISFIT))
-    return _diagnosis(circuit, traces, selection, None, baselines, described=after < most * known.rmse_degC)
+    followed = not lasting and final.by_stretches_degC(selection.bare) < _MOST_MISFIT * good
+    described = (followed or final.held_out_rmse_degC < most * good) and not _reads_a_sensor(bare)
+    return _diagnosis(circuit, traces, selection, None, baselines, described=described)
+
+
+def _reads_a_sensor(bare: Fitted) -> bool:
+    """Whether the ambient is what one sensor reads, but for noise, where known-good records have them apart.
+
+    Of a device that is off, all sensors are like that.
+    """
+    apart = np.concatenate([each.sensors - each.signals.get(REFERENCE, 0.0) for each in bare.records], axis=1)
+    noise_degC, spread_degC = np.sqrt(np.nanmean(np.diff(apart, axis=1) ** 2, axis=1) / 2), np.nanstd(apart, axis=1)
+    white = noise_degC > _JUMPY * spread_degC
+    expected = np.sqrt(np.nanmean(left_degC(bare) ** 2, axis=1)) < _MOST_OF_A_LARGE_MISFIT * spread_degC
+    return bool((white & ~expected).any() and not white.all())
 
 
 def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None) -> Diagnosis:

@@ -346,7 +346,7 @@ def simulate(model: GreyBox, record: Record, z: Array, start: Array) -> Array:
 
 def _residual(read: Array, record: Record, valid: Array) -> Array:
     left = record.sensors[None] - read
-    left = np.where(np.abs(left) < ABSURD_DEGC, record.weights * left, np.nan)
+    left = record.weights * np.where(np.abs(left) < ABSURD_DEGC, left, np.nan)
     return np.asarray(left[:, valid])
 
 
