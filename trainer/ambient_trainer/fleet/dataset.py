@@ -35,7 +35,7 @@ _BYTES_A_ROW = 50
 """Of a CSV trace, about: how long a log is decides only which units the population is begun with."""
 FEWEST = 2
 """Units of a population."""
-_REASONS = 3
+_REASONS, _LONGEST_LINE = 3, 2**20
 _LONGEST_NAME = 230
 
 
@@ -168,7 +168,9 @@ def _entries_in(file: str, path: str, by: str) -> Iterator[Entry]:
 def _has_rows(file: str) -> bool:
     """Whether a CSV trace has more than a header."""
     with gzip.open(file, "rb") if file.endswith(".gz") else open(file, "rb") as stream:
-        rows = (line for line in stream if line.strip() and not line.startswith(b"#"))
+        # a hole is a line of gigabytes
+        lines = iter(lambda: stream.readline(_LONGEST_LINE), b"")
+        rows = (line for line in lines if line.strip() and not line.startswith(b"#"))
         return next(islice(rows, 1, None), None) is not None
 
 
