@@ -49,14 +49,41 @@ def _bar(patience_s: float, *numbers: progress.ProgressColumn) -> Iterator[Show]
     console = Console(stderr=True)
     described = progress.TextColumn("{task.description}", markup=False)
     columns = progress.SpinnerColumn(), described, progress.BarColumn(), *numbers, progress.TimeElapsedColumn()
-    with progress.Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    bars = progress.Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    with _remembered_interrupts() as caught, bars as bar:
         task = bar.add_task("", total=None, visible=False)
         shown = threading.Timer(patience_s, bar.update, (task,), {"visible": True})
         shown.start()
+
+        def show(what: str, done: int, total: int) -> None:
+            if caught:
+                raise KeyboardInterrupt
+            bar.update(task, description=what, completed=done, total=total)
+
         try:
-            yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
+            yield show
         finally:
             shown.cancel()
+
+
+@contextlib.contextmanager
+def _remembered_interrupts() -> Iterator[list[int]]:
+    """Ctrl-C raises as ever, and is kept: where a callback of a library raises it, it goes no further."""
+    caught: list[int] = []
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
+        yield caught
+        return
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        caught.append(number)
+        signal.default_int_handler(number, frame)
+
+    signal.signal(signal.SIGINT, handle)
+    try:
+        yield caught
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 staged_progress = functools.partial(_bar, _PATIENCE_S)
