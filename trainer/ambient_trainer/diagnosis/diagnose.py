@@ -155,9 +155,9 @@ def _reads_a_sensor(bare: Fitted) -> bool:
     Of a device that is off, all sensors are like that.
     """
     apart = np.concatenate([each.sensors - each.signals.get(REFERENCE, 0.0) for each in bare.records], axis=1)
-    noise_degC, spread_degC = np.sqrt(np.nanmean(np.diff(apart, axis=1) ** 2, axis=1) / 2), np.nanstd(apart, axis=1)
-    white = noise_degC > _JUMPY * spread_degC
-    expected = np.sqrt(np.nanmean(left_degC(bare) ** 2, axis=1)) < _MOST_OF_A_LARGE_MISFIT * spread_degC
+    noise_degC, deviation_degC = np.sqrt(np.nanmean(np.diff(apart, axis=1) ** 2, axis=1) / 2), np.nanstd(apart, axis=1)
+    white = noise_degC > _JUMPY * deviation_degC
+    expected = np.sqrt(np.nanmean(left_degC(bare) ** 2, axis=1)) < _MOST_OF_A_LARGE_MISFIT * deviation_degC
     return bool((white & ~expected).any() and not white.all())
 
 
