@@ -66,9 +66,12 @@ def run(seed: int, heat_W=0.0, conductance_W_K=0.4, noise_degC=0.03, capacitance
         flow = value(heat_W, now, board) + value(conductance_W_K, now, board) * (now["ambient_degC"] - board)
         if mass is None:
             return [flow / capacitance_J_K]
-        between, body_J_K = mass
+        joined, body_J_K = mass
+        between, degC = value(joined, now, board), now["ambient_degC"]
         inward = between * (state[1] - board)
-        return [(flow + inward) / capacitance_J_K, -inward / body_J_K]
+        # what hangs in the air follows it
+        aired = 0.0 if between else body_J_K / 900 * (degC - state[1])
+        return [(flow + inward) / capacitance_J_K, (aired - inward) / body_J_K]
 
     start = [columns["ambient_degC"][0]] * (1 if mass is None else 2)
     solved = solve_ivp(slope, (0, time_s[-1]), start, t_eval=time_s, max_step=PERIOD_S, rtol=1e-6)

@@ -29,22 +29,16 @@ from ambient_trainer.diagnosis.greybox.stepwise import anchors, bare_fit, stepwi
 from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.result import Cause
 
+WIND_W_K = {"conductance_W_K": lambda now, degC: 0.3 + 0.12 * now["wind_m_s"]}
+SUN, CURRENT = ("heat_source", ("board",), "sun_W_m2"), ("heat_source", ("board",), "current_A^2")
+SUN_W = {"heat_W": lambda now, degC: 0.005 * now["sun_W_m2"]}
+CURRENT_W = {"heat_W": lambda now, degC: 0.8 * now["current_A"] ** 2}
 HIDDEN = {
-    "sun": {"heat_W": lambda now, degC: 0.004 * now["sun_W_m2"]},
-    "current squared": {"heat_W": lambda now, degC: 0.8 * now["current_A"] ** 2},
-    "wind": {
-        "heat_W": lambda now, degC: 0.006 * now["sun_W_m2"],
-        "conductance_W_K": lambda now, degC: 0.3 + 0.12 * now["wind_m_s"],
-    },
-    "mass": {"mass": (0.4, 500.0)},
-    "nothing": {},
-}
-NAMED = {
-    "sun": {("heat_source", ("board",), "sun_W_m2")},
-    "current squared": {("heat_source", ("board",), "current_A^2")},
-    "wind": {("heat_source", ("board",), "sun_W_m2"), ("ambient_coupling", ("board",), "wind_m_s")},
-    "mass": {("thermal_mass", ("board",), "")},
-    "nothing": set(),
+    "sun": (SUN_W, {SUN}),
+    "current squared": (CURRENT_W, {CURRENT}),
+    "wind": ({**SUN_W, **WIND_W_K}, {SUN, ("ambient_coupling", ("board",), "wind_m_s")}),
+    "mass": ({"mass": (0.4, 500.0)}, {("thermal_mass", ("board",), "")}),
+    "nothing": ({}, set()),
 }
 
 
@@ -53,10 +47,11 @@ NAMED = {
     ["current squared", "nothing", *(pytest.param(each, marks=pytest.mark.slow) for each in ("sun", "wind", "mass"))],
 )
 def test_what_is_hidden_is_named(circuit, simulated, recorded, hidden, seed):
-    records = recorded(simulated(seed, **HIDDEN[hidden]))
+    physics, named = HIDDEN[hidden]
+    records = recorded(simulated(seed, **physics))
     model = GreyBox.of(circuit)
     selection = stepwise(bare_fit(model, records), anchors(model, records))
-    assert {each.key for each in selection.final.model.mechanisms} == NAMED[hidden], seed
+    assert {each.key for each in selection.final.model.mechanisms} == named, seed
     assert selection.final.rmse_degC < 0.06, seed
 
 
@@ -77,7 +72,7 @@ def test_what_runs_away_is_left_out_without_a_warning(circuit, simulated, record
 
 @pytest.mark.slow
 def test_what_a_circuit_holds_already_is_not_found_again(circuit, simulated, seed):
-    trace = simulated(seed, conductance_W_K=HIDDEN["wind"]["conductance_W_K"])
+    trace = simulated(seed, **WIND_W_K)
     change = {"change": {"unit": "1 per m/s", "value": 0.2}}
     given = replace(circuit, mechanisms=(Addition("Coupling", ("board",), "wind_m_s", None, None, change, {}),))
     lacking, held = diagnose(circuit, [trace]), diagnose(given, [trace])
@@ -89,7 +84,7 @@ def test_what_a_circuit_holds_already_is_not_found_again(circuit, simulated, see
 @pytest.mark.parametrize("seed", [39595, pytest.param(71271, marks=pytest.mark.slow)])
 def test_a_law_gets_no_number_that_gains_nothing(circuit, simulated, recorded, seed):
     """Two runs of many in which noise, and how heat is held between samples, look like a resistance that changes."""
-    records = recorded(simulated(seed, **HIDDEN["current squared"]))
+    records = recorded(simulated(seed, **CURRENT_W))
     model = GreyBox.of(circuit)
     selection = stepwise(bare_fit(model, records), anchors(model, records), offered=lasting_candidates)
     assert [each.name for each in selection.final.model.numbers] == ["C_board", "R_board", "heat_board"]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.coupling import ZoneLoss
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
@@ -44,3 +45,16 @@ def test_a_zone_leaves_the_grid_once_all_is_there_and_shows_what_it_hid(sun_m2, 
     assert level == pytest.approx(20, abs=0.5)
     driven = {each.driver.text for each in found.mechanisms if each.cause == "heat_source"}
     assert driven == {"current_A^2", *(["sun_W_m2"] if sun_m2 else [])}
+
+
+@pytest.mark.slow
+def test_a_body_that_is_put_there_and_taken_away_is_no_cooling(circuit, simulated, seed):
+    named, heated = 0, {"heat_W": lambda now, degC: 8 * now["current_A"]}
+    for draw in range(seed, seed + 4):
+        on_s, off_s = np.random.default_rng(draw).uniform([0.2, 0.5], [0.4, 0.8]) * 36_000
+        mass = lambda now, degC, on_s=on_s, off_s=off_s: 0.6 * (on_s < now["time_s"] < off_s), 250.0
+        first = diagnose(circuit, [simulated(draw, **heated, mass=mass)], [simulated(draw + 1, **heated)]).steps[0]
+        found = first.cause.name == "thermal_mass"
+        assert first.end_s == pytest.approx(off_s, abs=1800) if found else first.confidence < 0.9, seed
+        named += found
+    assert named >= 2, seed

@@ -1,5 +1,7 @@
 """What a circuit lacks of a box is named, without known-good runs and beside them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,3 +56,16 @@ def test_what_changed_is_not_taken_up_by_what_is_known(box, boxed):
     assert (found.verdict_cause.name, found.verdict_cause.location) == ("ambient_coupling", "shell")
     assert found.verdict.magnitude.value == pytest.approx(0.25 / 0.15 - 1, rel=0.1)
     assert found.verdict.magnitude.ci95[0] > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("cause", "wrong"), [("sensor_gain", lambda read: 1.25 * read - 6.25), ("sensor_stuck", 31.3)])
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_sensor_that_is_wrong_for_a_while(box, boxed, cause, wrong, seed):
+    trace = boxed(NONE, seed)
+    on_s, off_s = np.random.default_rng(seed).uniform([0.2, 0.5], [0.4, 0.8]) * trace.time_s[-1]
+    read, off = trace.columns["board_degC"], (trace.time_s > on_s) & (trace.time_s < off_s)
+    columns = {**trace.columns, "board_degC": np.where(off, wrong(read) if callable(wrong) else wrong, read)}
+    found = diagnose(box, [replace(trace, columns=columns)], [boxed(NONE, 100 + seed)], period_s=COARSE_S)
+    assert found.verdict_cause == Cause(cause, "board")
+    assert (found.verdict.onset_s, found.verdict.end_s) == pytest.approx((on_s, off_s), abs=COARSE_S)

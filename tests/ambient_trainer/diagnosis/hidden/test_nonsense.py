@@ -44,10 +44,7 @@ def still(trace, random):
 NONSENSE = {
     "rows in any order": (shuffled, (UNKNOWN,)),
     "an ambient that never moves": (lambda trace, random: {"ambient_degC": 21.0 + 0 * trace.time_s}, (UNKNOWN,)),
-    "a sensor of noise": (
-        lambda trace, random: {"board_degC": 30 + 5 * random.standard_normal(len(trace.time_s))},
-        (UNKNOWN,),
-    ),
+    "a sensor of noise": (lambda trace, random: {"board_degC": random.normal(30, 5, len(trace.time_s))}, (UNKNOWN,)),
     "nothing that moves": (still, (NONE, UNKNOWN)),
     "a signal without a value": (lambda trace, random: {"radio_on": np.nan * trace.time_s}, (NONE,)),
 }

@@ -175,8 +175,8 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
         ]
         if any(windowed) and cause == "heat_source":
             kinds.append(("where", each.mechanism.places))
-        if each.mechanism.adds_nodes and not any(windowed):
-            kinds.append(("where", (each.mechanism.places, numbers)))
+        if each.mechanism.adds_nodes:
+            kinds.append(("where", (each.mechanism.places, numbers, windowed)))
         shape = (type(each.mechanism), len(each.mechanism.places), len(each.mechanism.numbers))
         if each.mechanism.shaped and started.get(shape, 0) < _STARTS:
             started[shape] = started.get(shape, 0) + 1

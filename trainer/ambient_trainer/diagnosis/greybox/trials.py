@@ -162,8 +162,9 @@ def _refit_and_validate(*given: Any) -> Fitted | None:
     if done is None:
         return None
     with _libraries().limit(limits=1):
-        if not (done.model.mechanisms[-1].lasts or done.model.mechanisms[-1].evident):
-            done = sharpened(_placed_again(done))
+        if not done.model.mechanisms[-1].lasts:
+            # where a sensor stands still its readings show, but for the samples in which that begins and ends
+            done = sharpened(done if done.model.mechanisms[-1].evident else _placed_again(done))
         return done.refitted() if cheap(done) else done
 
 

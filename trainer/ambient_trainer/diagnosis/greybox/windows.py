@@ -30,14 +30,17 @@ Columns = Callable[[Mechanism], Array]
 def best_windows(fitted: Fitted, mechanism: Mechanism, columns: Columns) -> Iterator[Mechanism]:
     """``mechanism`` in the window in which it explains most, and in the best that is open on one side.
 
-    A large change bends what it does: to first order it looks as if it had ended, where it has only begun.
+    A large change bends what it does: to first order it looks as if it had ended, where it has only begun. For a body
+    see :func:`with_other_end`.
     """
     known = cache(columns)
-    best = best_window(fitted, mechanism, known, closed=True)
+    best = best_window(fitted, mechanism, known, closed=not mechanism.adds_nodes)
     if best is None:
         return
     yield best
-    if best.onset_s is not None and best.end_s is not None:
+    if mechanism.adds_nodes:
+        yield with_other_end(fitted, best, known)
+    elif best.onset_s is not None and best.end_s is not None:
         half = best_window(fitted, mechanism, known, closed=False)
         yield from () if half is None else (half,)
 
@@ -69,6 +72,31 @@ def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns, closed: 
     return replace(mechanism, onset_s=None if best[0] <= begin else best[0], end_s=best[1])
 
 
+def with_other_end(fitted: Fitted, body: Mechanism, columns: Columns) -> Mechanism:
+    """A body that comes or goes, with the best other end: going does not undo, as one that comes, what it has done."""
+    record = max(fitted.records, key=lambda each: each.samples)
+    project, left = _projector(fitted), fitted.residual
+    first, last, shortest = float(record.time_s[0]), float(record.time_s[-1]), _SHORTEST * record.period_s
+    if body.onset_s is not None:
+        first = body.onset_s + shortest
+    elif body.end_s is not None:
+        last = body.end_s - shortest
+
+    def at(time_s: float) -> Mechanism:
+        return replace(body, onset_s=time_s) if body.onset_s is None else replace(body, end_s=time_s)
+
+    def gain(time_s: float) -> float:
+        C = project(columns(at(time_s)))
+        return float((C.T @ left) @ np.linalg.pinv(C.T @ C, rcond=1e-9, hermitian=True) @ (C.T @ left))
+
+    step = (last - first) / _COARSE
+    best = max((first + step * index for index in range(1, _COARSE)), key=gain)
+    for _ in range(_ROUNDS):
+        step /= _FINE
+        best = max(np.clip(best + step * np.arange(-_FINE, _FINE + 1), first, last).tolist(), key=gain)
+    return at(best)
+
+
 def sharpened(fitted: Fitted, index: int = -1) -> Fitted:
     """The same with the window, delay or level of a mechanism, the last one, refined by the simulation, fitted again,
     twice."""
@@ -86,7 +114,9 @@ def _refined(fitted: Fitted, index: int) -> GreyBox:
     model, mechanism = fitted.model, fitted.model.mechanisms[index]
     record = max(fitted.records, key=lambda each: each.samples)
     begin, end = float(record.time_s[0]), float(record.time_s[-1])
-    within_s, shortest = 2 * (end - begin) / _COARSE / _FINE**_ROUNDS, _SHORTEST * record.period_s
+    # a large body bends all that it does: to first order it seems to come at another time
+    finer = 1 if mechanism.adds_nodes else _FINE**_ROUNDS
+    within_s, shortest = 2 * (end - begin) / _COARSE / finer, _SHORTEST * record.period_s
     if (driver := mechanism.driver) is not None and (level := driver.level) is not None:
         apart = _APART * (level if driver.late else float(np.ptp(record.signals[driver.columns[0]])))
         ends = level - apart, level + apart

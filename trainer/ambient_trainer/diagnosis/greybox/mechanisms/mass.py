@@ -122,7 +122,7 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
 def begun(scene: Scene) -> Iterator[Mechanism]:
     """A body that is put to a node, and may be taken away; one that is slower than the record is a loss."""
     for node in scene.nodes:
-        for lag in np.geomspace(10 * scene.period_s, scene.longest_s / 12, 2):
+        for lag in np.geomspace(10 * scene.period_s, scene.longest_s / 12, 3):
             mass = _mass(scene, (node,), float(lag), sees_ambient=False)
             conductance, behind = mass.numbers
             yield replace(mass, numbers=(conductance, replace(behind, high=scene.longest_s / 3, saturates=False)))

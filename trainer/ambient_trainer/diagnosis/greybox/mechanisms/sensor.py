@@ -17,6 +17,8 @@ from ambient_trainer.lti.lag import lagged
 _HOUR_S = 3600.0
 _MOST_OFF_DEGC = 10.0
 """Of a reference: what is further off measures something else."""
+_RIGHT_DEGC = 25.0
+"""Where a thermistor's resistance is given, from which its slope departs."""
 
 
 class _Fault(InProportion):
@@ -56,7 +58,7 @@ class Bias(_Fault):
 class Gain(_Fault):
     """It reads too much in proportion."""
 
-    middle_degC: float = 25.0
+    middle_degC: float = _RIGHT_DEGC
 
     cause = "sensor_gain"
     noun = "a wrong gain of a sensor"
@@ -190,7 +192,9 @@ def _drift(scene: Scene, sensor: str) -> Mechanism:
 def _slow_faults(scene: Scene, sensor: str) -> Iterator[Mechanism]:
     place, span_s = (sensor,), scene.duration_s
     gain = Number(f"gain_{sensor}", "1", 0.0, scale=0.01, low=-0.5, high=0.5)
-    yield Gain(place, (gain,), middle_degC=scene.mean_degC(sensor))
+    # without known-good records constant heat takes up what a wrong slope does at the mean
+    for middle_degC in (scene.mean_degC(sensor), *([_RIGHT_DEGC] if scene.records[0].known_good else [])):
+        yield Gain(place, (gain,), middle_degC=middle_degC)
     yield _drift(scene, sensor)
     # what a long lag does is not in proportion to what a short one does
     for scale_s in (scene.period_s / 2, 5 * scene.period_s, 20 * scene.period_s):
