@@ -37,6 +37,7 @@ def two_bodies(slope_K_s, seed, **columns):
     return Trace("two bodies", TIME_S, {"fast_degC": fast, "slow_degC": slow, **columns})
 
 
+@pytest.mark.slow
 def test_water_that_flows_past_several_bodies_warms_them_all(seed):
     """And a pump's current that follows the water heats none of them."""
     draw = np.random.default_rng(seed)
@@ -81,6 +82,7 @@ def test_a_reference_that_is_more_than_ten_degrees_off_measures_something_else(s
     assert step.cause == Cause("heat_source", ("fast", "slow"), None), seed
 
 
+@pytest.mark.slow
 def test_a_wall_that_stays_as_it_is_is_a_slow_body(circuit, simulated, seed):
     """Its temperature is another one than the air's, which no constant heat replaces: it takes part of each swing."""
     draw = np.random.default_rng(seed)

@@ -80,6 +80,7 @@ def rig(seed):
     return Trace("rig", TIME_S, dict(zip(names, read.T)))
 
 
+@pytest.mark.slow
 def test_a_cooler_in_the_log_shows_itself_beside_heat_that_is_not(pair, seed):
     """In one of two rigs at least: few are not told."""
 
@@ -102,6 +103,7 @@ def warmed_for_a_while(pair, seed, warmer_K):
     return (onset_s, end_s), diagnose(pair, [Trace("window", TIME_S, columns)]).verdict
 
 
+@pytest.mark.slow
 def test_the_sun_for_a_while_is_on_both(pair, seed):
     """It warms each by what it sees of it; in one of two draws at least, since of forty one is not told."""
     found = [warmed_for_a_while(pair, each, (9.0, 3.0)) for each in (seed, seed + 1)]

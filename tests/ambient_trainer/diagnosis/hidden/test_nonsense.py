@@ -50,12 +50,9 @@ NONSENSE = {
 }
 
 
-CASES = [(what, baseline) for what in NONSENSE for baseline in (False, True)]
-
-
-@pytest.mark.parametrize(
-    ("what", "baseline"), [CASES[0], *(pytest.param(*case, marks=pytest.mark.slow) for case in CASES[1:])]
-)
+@pytest.mark.slow
+@BOTH_WAYS
+@pytest.mark.parametrize("what", NONSENSE)
 def test_no_cause_is_named(verdict, trace, what, baseline):
     columns, allowed = NONSENSE[what]
     assert verdict(with_columns(trace, **columns(trace, np.random.default_rng(5))), baseline).name in allowed
