@@ -67,11 +67,11 @@ def run(seed: int, heat_W=0.0, conductance_W_K=0.4, noise_degC=0.03, capacitance
         if mass is None:
             return [flow / capacitance_J_K]
         joined, body_J_K = mass
-        between, degC = value(joined, now, board), now["ambient_degC"]
+        between = value(joined, now, board)
         inward = between * (state[1] - board)
         # what hangs in the air follows it
-        aired = 0.0 if between else body_J_K / 900 * (degC - state[1])
-        return [(flow + inward) / capacitance_J_K, (aired - inward) / body_J_K]
+        aired = 0.0 if between else (now["ambient_degC"] - state[1]) / 900
+        return [(flow + inward) / capacitance_J_K, aired - inward / body_J_K]
 
     start = [columns["ambient_degC"][0]] * (1 if mass is None else 2)
     solved = solve_ivp(slope, (0, time_s[-1]), start, t_eval=time_s, max_step=PERIOD_S, rtol=1e-6)

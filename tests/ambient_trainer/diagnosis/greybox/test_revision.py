@@ -1,8 +1,13 @@
-"""What an early step has chosen gives way to what does better beside later ones."""
+"""What an early step has chosen is tuned again beside later ones, or gives way to what does better."""
 
 from dataclasses import replace
 
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
 from ambient_trainer.diagnosis.greybox.choice import Step
+from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms import coupling, heat, mass
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
@@ -10,8 +15,9 @@ from ambient_trainer.diagnosis.greybox.regression import fit
 from ambient_trainer.diagnosis.greybox.revision import is_chosen, revised
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import screen
-from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
+from ambient_trainer.diagnosis.greybox.stepwise import bare_fit, stepwise
 from ambient_trainer.diagnosis.greybox.trials import Trial, compared
+from ambient_trainer.diagnosis.greybox.windows import sharpened
 
 from .conftest import heat as heat_by
 
@@ -75,3 +81,35 @@ def test_what_acts_on_a_body_neither_takes_its_place_nor_outlives_it(circuit, si
     assert revised([Step(bare, tried[0], tuple(tried), 3)], second, 0) is None, seed
     alone, step = begun(bare, warmed.model.mechanisms[1]), Step(first, tried[2], tuple(tried[1:]), 2)
     assert revised([step], alone, 0) is None, seed
+
+
+def test_a_lag_is_refined_though_its_heat_is_not_the_last(circuit, simulated, recorded):
+    time_s = 30.0 * np.arange(1200)
+    current = simulated(3).columns["current_A"]
+    late = lfilter([1 - np.exp(-30 / 400)], [1, -np.exp(-30 / 400)], current)
+    trace = simulated(3, heat_W=lambda now, degC: 2 * np.interp(now["time_s"], time_s, late) + 0.004 * now["sun_W_m2"])
+    records = recorded(trace)
+    bare = bare_fit(GreyBox.of(circuit), records)
+    model = bare.model.with_mechanism(heat_by("lag(current_A, 700)", 2.0)).with_mechanism(heat_by("sun_W_m2", 0.004))
+    first = fit(model, records, prior=bare.prior)
+    again = sharpened(first, 0)
+    assert again.model.mechanisms[0].driver.level == pytest.approx(400, rel=0.1)
+    assert again.rmse_degC < 0.5 * first.rmse_degC
+
+
+@pytest.mark.parametrize("sun_m2", [0.0, 0.0006])
+def test_a_zone_leaves_the_grid_once_all_is_there_and_shows_what_it_hid(sun_m2, circuit, simulated, recorded):
+    trace = simulated(
+        1,
+        heat_W=lambda now, degC: now["current_A"] ** 2 + sun_m2 * now["sun_W_m2"],
+        conductance_W_K=lambda now, degC: 1.2 if now["ambient_degC"] > 20 else 0.4,
+    )
+    zone = coupling.ZoneLoss(
+        ("board",), (Number("change_board", "1", 0.5, low=-0.9, high=9.0),), Expression("ambient_degC > 23")
+    )
+    offered = [zone, heat_by("current_A^2", 1.0), heat_by("sun_W_m2", 0.001)]
+    found = stepwise(bare_fit(GreyBox.of(circuit), recorded(trace)), offered=lambda *given: iter(offered)).final.model
+    (level,) = (each.driver.level for each in found.mechanisms if each.cause == "convection_law")
+    assert level == pytest.approx(20, abs=0.5)
+    driven = {each.driver.text for each in found.mechanisms if each.cause == "heat_source"}
+    assert driven == {"current_A^2", *(["sun_W_m2"] if sun_m2 else [])}

@@ -105,6 +105,19 @@ def test_a_body_that_warms_and_cools_by_turns_is_a_contact(circuit, simulated, s
     assert step.gain.p_value < 0.05, seed
 
 
+@pytest.mark.slow
+def test_a_body_that_is_put_there_and_taken_away_is_no_cooling(circuit, simulated, seed):
+    named, heated = 0, {"heat_W": lambda now, degC: 8 * now["current_A"]}
+    for draw in range(seed, seed + 4):
+        on_s, off_s = np.random.default_rng(draw).uniform([0.2, 0.5], [0.4, 0.8]) * 36_000
+        mass = lambda now, degC, on_s=on_s, off_s=off_s: 0.6 * (on_s < now["time_s"] < off_s), 250.0
+        first = diagnose(circuit, [simulated(draw, **heated, mass=mass)], [simulated(draw + 1, **heated)]).steps[0]
+        found = first.cause.name == "thermal_mass"
+        assert first.end_s == pytest.approx(off_s, abs=1800) if found else first.confidence < 0.9, seed
+        named += found
+    assert named >= 2, seed
+
+
 def test_a_clock_is_named_where_noise_is_most_of_what_is_left(circuit, simulated, seed):
     """Two logs: in one alone a shorter time constant may make up for a third of the offset."""
     logged = []
