@@ -64,7 +64,7 @@ def made_diagnosis(**changes: object) -> Diagnosis:
         Misfit(("flash", "battery"), measured, simulated, heat, "K/s", tests, 0.3 * residual[0]),
         steps, steps[0], ranking,
         "switch camera_on on for 20 min and off for 20 min: the two then differ by 0.4 degC, three sigma.", None, 57,
-        ("The first 10 min were taken to settle.",),
+        0.91, ("The first 10 min were taken to settle.",),
     )  # fmt: skip
     return replace(made, **changes)
 

@@ -26,7 +26,7 @@ from ambient_trainer.diagnosis.findings import (
 )
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.backward import eliminated, score, steps_to
-from ambient_trainer.diagnosis.greybox.choice import ANSWERS, Limits
+from ambient_trainer.diagnosis.greybox.choice import ANSWERS, Limits, beyond_chance
 from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import FOLDS, Fitted
@@ -172,8 +172,9 @@ def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float, progres
     found = _diagnosis(circuit, traces, selection, limits.floor_degC, ())
     if progress is not None:
         progress("fit all effects at once", 0, 1)
-    together = eliminated(bare)
-    if together is None or score(together) > _most(selection, found, together) - _MUCH_BETTER:
+    points = [bare, *beside[:1]] if _never_settles(bare) else [bare]
+    together = min(filter(None, map(eliminated, points)), key=score, default=None)
+    if together is None or not _better(selection, found, together):
         return found
     selection = continued(selection, together, beside, limits, progress)
     again = _diagnosis(circuit, traces, selection, limits.floor_degC, ())
@@ -197,13 +198,25 @@ def _otherwise(confounded: Selection, limits: Limits, progress: Progress | None)
     return replace(found, steps=(rivals, *found.steps[1:]), compared=confounded.compared)
 
 
-def _most(selection: Selection, found: Diagnosis, together: Fitted) -> float:
-    """The score that causes which were found together have to beat: that of the circuit by itself where steps have led
-    to none; else the steps', by more where another temperature, which may answer to the same cause, is among them."""
-    if found.verdict_cause.name == UNKNOWN:
-        return score(selection.bare)
-    answers = any(each.responds for each in together.model.mechanisms)
-    return score(selection.final) - math.log(ANSWERS) * answers
+def _better(selection: Selection, found: Diagnosis, together: Fitted) -> bool:
+    """Whether causes that were found together beat the steps, by more where another temperature, which may answer to
+    the same cause, is among them; or the circuit by itself, where steps have led to no name: by as much, or in most
+    folds and by half in sample."""
+    bare = selection.bare
+    if found.verdict_cause.name != UNKNOWN:
+        answers = any(each.responds for each in together.model.mechanisms)
+        return score(together) <= score(selection.final) - math.log(ANSWERS) * answers - _MUCH_BETTER
+    gains = score(together) < score(bare) and beyond_chance(bare.held_out - together.held_out)
+    return score(together) <= score(bare) - _MUCH_BETTER or (gains and together.rmse_degC < _HALF * bare.rmse_degC)
+
+
+def _never_settles(bare: Fitted) -> bool:
+    """Whether a node ends with a time constant to the ambient longer than the record: under a thermostat readings stay
+    where they are, and no heat shows itself beside such a one."""
+    network = bare.model.network(bare.records[0], bare.model.z()[None])
+    out = network.to_boundary[0].sum(axis=1) + network.between[0].sum(axis=1)
+    longest_s = max(record.samples * record.period_s for record in bare.records)
+    return bool((network.capacitance[0] > longest_s * out).any())
 
 
 def _long_enough(records: list[Record]) -> list[Record]:
@@ -256,6 +269,7 @@ def _diagnosis(
         extended=extended_circuit(circuit, final.model) if named else None,
         candidates_tried=selection.compared.tried,
         fitted=fitted,
+        bare_degC=before,
         floor_degC=floor_degC,
         explained_share=share,
         notes=(f"{final.rmse_degC:.2f} degC is left: something else is missing, too.",) if named and much_left else (),

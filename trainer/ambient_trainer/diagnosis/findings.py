@@ -28,7 +28,7 @@ from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted
 from ambient_trainer.diagnosis.greybox.revision import beside, is_chosen
-from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.scene import LIGHT, Scene
 from ambient_trainer.diagnosis.greybox.stepwise import Selection
 from ambient_trainer.diagnosis.greybox.trials import Trial, penalised
 from ambient_trainer.diagnosis.record import Record
@@ -67,8 +67,12 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
         index = found[0]
         held.remove(index)
         mechanism = final.model.mechanisms[index]
-        gain = _gain(step, chosen)
-        confidence = _confidence(step, chosen, final, _needed(final, index))
+        without = _without(final, index)
+        gain = _gain(step.before, chosen.fitted, chosen, step.tried)
+        if gain.ci95_degC[0] <= 0 and without is not None:
+            # what an earlier step finds may show itself only beside what later ones do
+            gain = _gain(without, final, chosen, step.tried)
+        confidence = _confidence(step, chosen, final, _needed(without, final, index))
         if mechanism.driver is None and not mechanism.lasts:
             # a window may make up for what an earlier one is wrong about
             confidence = min(
@@ -143,20 +147,20 @@ def _product(mechanism: Mechanism, whole: tuple[str, str, tuple[int, int]], cova
     return Magnitude(math.exp(z), unit, meaning, (low, high), mechanism.sentence_tail())
 
 
-def _gain(step: Chosen, trial: Trial) -> Gain:
+def _gain(before: Fitted, after: Fitted, trial: Trial, tried: int) -> Gain:
     """The held-out errors, with the interval of their difference by resampling blocks of time.
 
     What acts for a while is resampled by stretches that are short beside it: each gains its share.
     """
-    before, after = (_squares(each, trial.lasting) for each in (step.before, trial.fitted))
-    error = step.before.held_out_rmse_degC, trial.rmse_degC
+    was, left = (_squares(each, trial.lasting) for each in (before, after))
+    error = before.held_out_rmse_degC, trial.rmse_degC if after is trial.fitted else after.held_out_rmse_degC
     gain = error[0] - error[1]
     p_value = 1.0
-    if np.any(before != after):
-        p_value = min(1.0, float(wilcoxon(before, after, alternative="greater").pvalue) * max(step.tried, 1))
-    drawn = np.random.default_rng(0).integers(len(before), size=(_RESAMPLED, len(before)))
-    gains = np.sqrt(before[drawn].mean(axis=1)) - np.sqrt(after[drawn].mean(axis=1))
-    middle = float(np.sqrt(before.mean()) - np.sqrt(after.mean()))
+    if np.any(was != left):
+        p_value = min(1.0, float(wilcoxon(was, left, alternative="greater").pvalue) * max(tried, 1))
+    drawn = np.random.default_rng(0).integers(len(was), size=(_RESAMPLED, len(was)))
+    gains = np.sqrt(was[drawn].mean(axis=1)) - np.sqrt(left[drawn].mean(axis=1))
+    middle = float(np.sqrt(was.mean()) - np.sqrt(left.mean()))
     low, high = (gain + float(each) - middle for each in np.quantile(gains, [0.025, 0.975]))
     return Gain(*error, (low, high), p_value)
 
@@ -225,11 +229,14 @@ def ambient_rests(records: Sequence[Record]) -> bool:
     return bool(records) and not any(np.ptp(each.signals.get(REFERENCE, np.zeros(1))) > 0 for each in records)
 
 
-def _needed(final: Fitted, index: int) -> float:
+def _without(final: Fitted, index: int) -> Fitted | None:
+    """A model without a mechanism, fitted; None where that is all that it has, or others act on its bodies."""
+    alone = len(final.model.mechanisms) == 1 or final.model.carries(index)
+    return None if alone else beside(final, final.model.without(index))
+
+
+def _needed(without: Fitted | None, final: Fitted, index: int) -> float:
     """By how much the logarithm of the held-out error grows where one mechanism of a model is left out."""
-    if len(final.model.mechanisms) == 1 or final.model.carries(index):
-        return math.inf
-    without = beside(final, final.model.without(index))
     if without is None:
         return math.inf
     if final.model.mechanisms[index].lasts:
@@ -242,8 +249,11 @@ def _or_physics(trial: Trial) -> tuple[Cause, ...]:
     """What reads the same as one sensor's drift or lag: heat that grows with time, where its node exchanges heat with
     no other sensor's, and a body of the heater's own, where something logged heats the node. As a reference that is
     off: constant heat at all nodes; that is late where the ambient repeats itself: heat by day that nothing logged
-    shows. As a body, where nothing logged moves: a loss that bends, and the other way round."""
+    shows. As a body, where nothing logged moves: a loss that bends, and the other way round. As heat by what a module makes of
+    the sun: the sun."""
     cause, fitted = trial.mechanism.cause, trial.fitted
+    if cause == "heat_source" and (light := _light_along(trial.mechanism, fitted.records)):
+        return tuple(replace(cause_of(trial.mechanism, fitted.model.circuit), signal=each) for each in light)
     if cause in _CURVES and trial.mechanism.driver is None and not any(map(_moves, fitted.records)):
         return tuple(Cause(each, trial.mechanism.places[0], None) for each in _CURVES if each != cause)
     if (cause, trial.mechanism.places) == ("sensor_bias", (AMBIENT,)):
@@ -260,6 +270,14 @@ def _or_physics(trial: Trial) -> tuple[Cause, ...]:
         return (Cause("thermal_mass", node, None),) if any(node in each.places for each in heats) else ()
     others = [int(each) for each in network.reads if each != index]
     return () if network.between[0, index, others].any() else (Cause("heat_source", node, "time_s"),)
+
+
+def _light_along(mechanism: Mechanism, records: Sequence[Record]) -> list[str]:
+    """The logged light that goes along with what drives heat and is none itself."""
+    if mechanism.driver is None or mechanism.driver.columns[0].endswith(LIGHT):
+        return []
+    light = [each for each in records[0].signals if each.endswith(LIGHT)]
+    return [each for each in light if twins(replace(mechanism, driver=Expression(each)), mechanism, records)]
 
 
 def _moves(record: Record) -> bool:
@@ -329,7 +347,7 @@ def ranking_of(selection: Selection, named: bool) -> tuple[Ranked, ...]:
 
 
 def _ranked(step: Chosen, trial: Trial, taken: set[tuple[str, tuple[str, ...], str]]) -> Ranked:
-    mechanism, gain = trial.mechanism, _gain(step, trial)
+    mechanism, gain = trial.mechanism, _gain(step.before, trial.fitted, trial, step.tried)
     magnitude, _ = _numbers(trial.fitted, len(trial.fitted.model.mechanisms) - 1)
     best = step.chosen and (step.chosen.mechanism.key, step.chosen.lasting)
     if mechanism.key in taken:

@@ -52,7 +52,7 @@ def _title(diagnosis: Diagnosis) -> str:
         return f"{subject}: {step.gain.rmse_before_degC:.2f} degC off, of unknown cause"
     last = diagnosis.explained[-1].gain.rmse_after_degC
     others = f" and {more} more" if (more := len(diagnosis.explained) - 1) else ""
-    return f"{subject}: {step.cause}{others}, {step.gain.rmse_before_degC:.2f} to {last:.2f} degC on held-out data"
+    return f"{subject}: {step.cause}{others}, {diagnosis.bare_degC:.2f} to {last:.2f} degC on held-out data"
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -213,9 +213,8 @@ def steps_table(diagnosis: Diagnosis) -> Table:
     """One row a step."""
     caption = (
         "Held-out: the simulation's RMSE over all sensors in degC, on blocks of time that it was not fitted to, "
-        "without and with the cause, of causes that were found together beside all others; the interval (95 %) is of "
-        "their difference. p is corrected for the "
-        f"{diagnosis.candidates_tried:,} candidates tried."
+        "without and with the cause, of causes that show themselves only together beside all others; the interval "
+        f"(95 %) is of their difference. p is corrected for the {diagnosis.candidates_tried:,} candidates tried."
     )
     rows = [
         (f"{number}. {step.cause}", *_effect_cells(step), f"{100 * step.confidence:.1f} %")
@@ -290,6 +289,7 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
         },
         "next_experiment": diagnosis.next_experiment,
         "candidates_tried": diagnosis.candidates_tried,
+        "bare_degC": diagnosis.bare_degC,
         "floor_degC": diagnosis.floor_degC,
         "explained_share": diagnosis.explained_share,
         "notes": diagnosis.notes,

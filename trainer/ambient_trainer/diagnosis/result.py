@@ -218,6 +218,8 @@ class Diagnosis:
         What the extended circuit leaves out, and why.
     fitted : Circuit or None
         The bare circuit with its parameters as fitted.
+    bare_degC : float
+        The held-out error of the circuit by itself.
     floor_degC : float or None
         What a black box with the same inputs leaves on held-out data; None with known-good records.
     explained_share : float or None
@@ -236,6 +238,7 @@ class Diagnosis:
     next_experiment: str
     extended: Circuit | None
     candidates_tried: int
+    bare_degC: float
     notes: Sequence[str] = field(default_factory=tuple)
     fitted: Circuit | None = None
     floor_degC: float | None = None

@@ -127,9 +127,27 @@ def test_a_body_that_is_put_there_agrees_with_an_integrator(circuit, simulated, 
         aired = (outside - degC[1]) / 300.0 * (not on)
         return [(0.2 * (outside - degC[0]) - into_body) / 50.0, into_body / (0.3 * 900.0) + aired]
 
+    assert np.sqrt(np.mean((read - integrated(slope, record, [21.0, 35.0])[0]) ** 2)) < 0.03
+
+
+def integrated(slope, record, start_degC):
     span = record.time_s[0], record.time_s[-1]
-    solved = solve_ivp(slope, span, [21.0, 35.0], t_eval=record.time_s, max_step=5.0, rtol=1e-8, atol=1e-8)
-    assert np.sqrt(np.mean((read - solved.y[0]) ** 2)) < 0.03
+    return solve_ivp(slope, span, start_degC, t_eval=record.time_s, max_step=5.0, rtol=1e-8, atol=1e-8).y
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_changes_of_one_loss_multiply(circuit, simulated, recorded, order):
+    (record,) = recorded(simulated(4))
+    both = [MECHANISMS["Coupling"], Coupling(PLACE, (number(-0.5),), None, 6000.0, 12_000.0)][::order]
+    model = GreyBox.of(circuit).with_mechanism(both[0]).with_mechanism(both[1])
+    read = model.network(record, model.z()[None]).simulate(np.array([[35.0]]))[0, 0]
+
+    def slope(now_s, degC):
+        outside, wind = (np.interp(now_s, record.time_s, record.signals[each]) for each in ("ambient_degC", "wind_m_s"))
+        covered = 1.0 - 0.5 * (6000.0 < now_s < 12_000.0)
+        return [0.2 * (1.0 + 0.3 * wind) * covered * (outside - degC[0]) / 50.0]
+
+    assert np.sqrt(np.mean((read - integrated(slope, record, [35.0])[0]) ** 2)) < 0.05
 
 
 ONE = {"n": {"unit": "1", "value": 0.1}}

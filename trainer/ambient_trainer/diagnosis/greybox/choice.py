@@ -128,13 +128,13 @@ def _penalised_at_its_sensor(trial: Trial) -> float:
 
 
 def _plainest(ordered: Sequence[Trial], least_degC: float) -> Trial:
-    """The first, unless the same law with fewer numbers is there and they gain less than a step has to."""
+    """The first whose numbers gain as much as a step has to above the same law with fewer of them."""
     first = ordered[0]
     for each in ordered[1:]:
         same = _same_law(each.mechanism, first.mechanism) and each.lasting == first.lasting
         if same and len(each.mechanism.numbers) < len(first.mechanism.numbers):
             enough = penalised(first) < penalised(each) - LEAST_GAIN and first.rmse_degC < each.rmse_degC - least_degC
-            return first if enough else each
+            return first if enough else _plainest(ordered[1:], least_degC)
     return first
 
 
@@ -294,9 +294,9 @@ def gains(before: Fitted, after: Trial, least_degC: float) -> bool:
         return False
     if left_by_window(before, after) > WANDERS or _steps_by_resolution(after):
         return False
-    by_comb = _beyond_chance(before.combed - after.fitted.combed)
+    by_comb = beyond_chance(before.combed - after.fitted.combed)
     # what acts all the time may have shown itself in one fold only
-    return by_comb or (after.lasting and _beyond_chance(before.held_out - after.fitted.held_out))
+    return by_comb or (after.lasting and beyond_chance(before.held_out - after.fitted.held_out))
 
 
 def _steps_by_resolution(trial: Trial) -> bool:
@@ -334,7 +334,7 @@ def _slow_squares(fitted: Fitted, index: int) -> Array:
     return np.asarray(np.square(means).sum(axis=0) * left.shape[1])
 
 
-def _beyond_chance(apart: Array) -> bool:
+def beyond_chance(apart: Array) -> bool:
     """Whether what each fold gains is surely more than nothing on the average, or most of them gain."""
     scatter = float(np.std(apart, ddof=1) / np.sqrt(len(apart)))
     return bool(apart.mean() > _SURE * scatter or (apart > 0).mean() >= 0.75)

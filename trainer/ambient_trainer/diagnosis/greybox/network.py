@@ -51,7 +51,9 @@ class Network:
     flows: list[tuple[Any, Array]] = field(default_factory=list)
     """Heat that has another course in each lane: nodes (k,), W (P, k, N)."""
     loss: Array = field(default_factory=lambda: np.zeros(0))
-    """To each boundary as the circuit has it (P, n, b): what varies is a share of that."""
+    """To each boundary as the circuit has it (P, n, b)."""
+    bent: dict[tuple[int, int], Array] = field(default_factory=dict)
+    """What a node's conductance to a boundary is more than ``to_boundary`` from time to time, (P, N)."""
     varying: list[tuple[NDArray[np.intp], Array, Array]] = field(default_factory=list)
     """Conductances that vary: nodes (k,), W/K (P, k, N), and the temperature on the other side (broadcast to that)."""
     pairs: list[tuple[int, int, Array]] = field(default_factory=list)
@@ -77,7 +79,9 @@ class Network:
     def copied(self) -> Network:
         """Another one to add to."""
         given = {each.name: getattr(self, each.name) for each in fields(self)}
-        own: dict[str, Any] = {name: copy(row) for name, row in given.items() if isinstance(row, list | np.ndarray)}
+        own: dict[str, Any] = {
+            name: copy(row) for name, row in given.items() if isinstance(row, list | dict | np.ndarray)
+        }
         return replace(self, **own)
 
     def index(self, node: str) -> int:
@@ -146,6 +150,18 @@ class Network:
     def vary(self, nodes: Sequence[int], conductance: Array, degC: Array) -> None:
         """Conductances (P, k, N) that vary from ``nodes`` to a prescribed temperature, which is broadcast to them."""
         self.varying.append((np.array(nodes, dtype=np.intp), conductance, degC))
+
+    def change_loss(self, nodes: NDArray[np.intp], boundary: int, share: Array) -> None:
+        """Shares (P, k, N) more of what ``nodes`` lose to a boundary as it stands."""
+        bent = [self.bent.get((node, boundary), np.zeros((self.lanes, 1))) for node in nodes.tolist()]
+        for node, more, row in zip(nodes.tolist(), np.moveaxis(share, 1, 0), bent):
+            more = more * (self.to_boundary[:, node, boundary, None] + row)
+            mean = more.mean(axis=1)
+            self.to_boundary[:, node, boundary] += mean
+            more -= mean[:, None]
+            if np.ptp(more):
+                self.bent[node, boundary] = row + more
+                self.vary([node], more[:, None], self.boundary_degC[boundary])
 
     def _active(self) -> NDArray[np.intp]:
         """The nodes whose heat is not known in advance."""

@@ -29,6 +29,7 @@ _AGAIN = 0.5
 """Of an autocorrelation: how far a peak of it stands out where a column repeats itself."""
 _LEVELS, _SHORTEST_DELAY, _LONGEST_DELAY, _LONGEST_DELAY_S = 10, 6.0, 0.08, 3600.0
 """Samples, of the record, and what a pipe or a duct may take: a day's cycle delayed by hours is a mass."""
+LIGHT = ("_W_m2", "_kW_m2", "_lux")
 WARMING = ("_W", "_kW", "_W_m2", "_kW_m2")
 THERMOELECTRIC = {"peltier", "tec"}
 _COOLERS = {"aircon", "chiller", "compressor", "cooler", "cooling", "freezer", "fridge", "hvac", *THERMOELECTRIC}
@@ -215,14 +216,14 @@ class Scene:
         return float(row.min()), float(row.max())
 
     def warms(self, driver: Expression) -> bool:
-        """Whether physics forbids that it cools: heaters, powers, irradiances and squared currents, no cooler's."""
+        """Whether physics forbids that it cools: heaters, powers, light and squared currents, no cooler's."""
         text = driver.columns[0] if driver.level is not None else driver.text
         words = words_in(*driver.columns)
         # an ac conditions the air; an ac1 is one of several phases of an alternating current
         cools = not _COOLERS.isdisjoint(words) or "ac" in driver.columns[0].split("_")
         if cools or "*" in text or text.startswith("d("):
             return False
-        return text.endswith((*WARMING, "_A^2", "_V^2")) or not HEATERS.isdisjoint(words)
+        return text.endswith((*WARMING, *LIGHT, "_A^2", "_V^2")) or not HEATERS.isdisjoint(words)
 
     def has_a_heater(self, node: str, beside: Expression | None) -> bool:
         """Whether a logged heater, or work, other than what ``beside`` is by, is named after a node."""

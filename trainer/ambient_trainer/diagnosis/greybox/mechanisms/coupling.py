@@ -2,7 +2,8 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,16 +54,7 @@ class Coupling(InProportion):
         air = network.boundary(AMBIENT)
         nodes, own = _with_bodies(network, self.places, air)
         shares = values[:, own if values.shape[1] > 1 else np.zeros_like(own)]
-        factor = shares[:, :, None] * weight
-        np.maximum(factor, _LEAST - 1.0, out=factor)
-        mean = factor.mean(axis=2)
-        conductance = network.loss[:, nodes, air]
-        network.to_boundary[:, nodes, air] += conductance * mean
-        if np.ptp(weight) == 0:
-            return
-        factor -= mean[:, :, None]
-        factor *= conductance[:, :, None]
-        network.vary(nodes.tolist(), factor, network.boundary_degC[air])
+        network.change_loss(nodes, air, np.maximum(shares[:, :, None] * weight, _LEAST - 1.0))
 
     def begins(self, number: Number) -> tuple[float, float]:
         return -0.5 * number.scale, 2.0 * number.scale
@@ -106,7 +98,8 @@ def windowed(scene: Scene) -> Iterator[Mechanism]:
     """A change of the loss of each node, and of all, that nothing logged shows."""
     joined = [each for each in scene.nodes if scene.loss(each) > 0]
     for places in scene.groups(joined):
-        yield Coupling(places, (Number("change", "1", 0.0, low=-_MOST_LESS, high=_MOST_MORE),))
+        change = Number("change", "1", 0.0, low=-_MOST_LESS, high=_MOST_MORE, saturates=_covered(scene))
+        yield Coupling(places, (change,))
 
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:
@@ -134,8 +127,14 @@ def _coupling(
     less = _HARDLY_LESS if least >= 0 and _only_raises(scene, driver) else _MOST_LESS
     low = max(-less / most if most > 0 else -np.inf, more / least if least < 0 else -np.inf)
     high = min(more / most if most > 0 else np.inf, -_MOST_LESS / least if least < 0 else np.inf)
-    numbers = tuple(Number(name, driver.per("1"), 0.0, scale=scale, low=low, high=high) for name in names)
-    return kind(places, numbers, driver)
+    covered = _covered(scene) if driver.text.endswith("_on") else ""
+    number = Number("", driver.per("1"), 0.0, scale=scale, low=low, high=high, saturates=covered)
+    return kind(places, tuple(replace(number, name=each) for each in names), driver)
+
+
+def _covered(scene: Scene) -> Literal["", "low"]:
+    """Beside known-good records, which share the loss out as they can, what is covered may lose nothing."""
+    return "low" if scene.records[0].known_good else ""
 
 
 def _only_raises(scene: Scene, driver: Expression) -> bool:
