@@ -320,7 +320,7 @@ def _advised_sd(parameter: Parameter, positive: bool) -> float:
 
 def bare_network(circuit: Circuit, record: Record, free: dict[str, Array], lanes: int) -> Network:
     """The network of a forward circuit; ``free`` holds values (P,) of free parameters, others are as in the circuit."""
-    fixed = {each.name: np.full(lanes, each.initial) for each in circuit.parameters}
+    fixed = {each.name: np.full(lanes, each.initial) for each in circuit.parameters if each.name not in free}
     value = {**fixed, **free}
     states = [node.name for node in circuit.states]
     prescribed = [node for node in circuit.nodes if node.capacitance is None]
