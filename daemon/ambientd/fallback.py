@@ -15,15 +15,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambient_model.model import Estimator, Model
-from ambient_model.tracking import (
-    WARMING_UP,
-    Estimate,
-    Readings,
-    Snapshot,
-    Tracker,
-    bridge_limit_s,
-    nearest_discrete,
-)
+from ambient_model.tracking import WARMING_UP, Estimate, Readings, Snapshot, Tracker, bridge_limit_s, nearest_discrete
 from ambientd.health import ALL_INPUTS, MAIN, decide
 
 if TYPE_CHECKING:

@@ -212,12 +212,7 @@ class Validation:
             return None
         refused = [(i, each.value) for i, each in self.refused.items()]
         return ValidationState(
-            self._time_s,
-            tuple(self._used),
-            tuple(self._lows),
-            tuple(self._slow),
-            tuple(self._steps),
-            tuple(refused),
+            self._time_s, tuple(self._used), tuple(self._lows), tuple(self._slow), tuple(self._steps), tuple(refused)
         )
 
     def fits(self, state: ValidationState) -> bool:

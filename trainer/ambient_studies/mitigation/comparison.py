@@ -24,16 +24,7 @@ from ambient_studies.mitigation.loop import Record, closed_loop, phone_zones, sk
 from ambient_studies.mitigation.setting import Knowledge, Room, Setting
 from ambient_trainer.data import Trace
 from ambient_trainer.estimators import Effort, Fit, FreeFilterEstimator
-from ambient_trainer.simulator import (
-    Planned,
-    Probes,
-    Zone,
-    load_device,
-    load_scenario,
-    logged,
-    prepare,
-    stream,
-)
+from ambient_trainer.simulator import Planned, Probes, Zone, load_device, load_scenario, logged, prepare, stream
 
 SCENARIO = "5"
 SEED = 0

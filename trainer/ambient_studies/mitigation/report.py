@@ -194,10 +194,7 @@ def _facts(comparison: Comparison) -> list[tuple[str, str]]:
     if setting.convection_W_m2_K125 is not None:
         air = f"of convection {setting.convection_W_m2_K125:g} W/(m² K^1.25); model and governor come from the chamber"
     return [
-        (
-            "phone",
-            f"simulated; {setting.workload} for {setting.work_min:g} min after {setting.idle_min:.0f} min idle",
-        ),
+        ("phone", f"simulated; {setting.workload} for {setting.work_min:g} min after {setting.idle_min:.0f} min idle"),
         ("limit", f"{setting.limit_degC:g} degC for the hottest of display, back and frame"),
         ("ambient model", f"{model.name}, reads {', '.join(each.name for each in model.main.inputs)}"),
         ("governor", f"identified on the thesis's scenario {SCENARIO}, in the chamber"),

@@ -34,10 +34,7 @@ RELATED = {
     "li_fixed_point": "Li et al. 2020, fixed point",
 }
 
-OURS = {
-    "circuit_observer": "Ours: circuit observer",
-    "free_observer": "Ours: free observer",
-}
+OURS = {"circuit_observer": "Ours: circuit observer", "free_observer": "Ours: free observer"}
 """Neither in the thesis nor in its related work."""
 
 VARIANTS = {

@@ -47,10 +47,8 @@ class KnownGood:
     def simulated_degC(self, trace: Trace) -> Array:
         """What each sensor reads on the first record of ``trace``, (s, N), begun at its first readings."""
         record = self.records([trace])[0]
-        z = self.model.z()[None]
-        network = self.model.network(record, z)
-        start, _ = expected_start(record, network.nodes, network.reads)
-        return simulate(self.model, record, z, start[None])[0]
+        start, _ = expected_start(self.model, record)
+        return simulate(self.model, record, self.model.z()[None], start[None])[0]
 
     def bare_fit(self, records: Sequence[Record]) -> Fitted:
         """The circuit on other records, held by the known-good ones."""

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ambient_model.tracking import bridge_limit_s
 from ambient_trainer.circuits.circuit import Circuit
@@ -67,6 +69,16 @@ class Record:
     def samples(self) -> int:
         """N."""
         return len(self.time_s)
+
+    @cached_property
+    def valid(self) -> NDArray[np.intp]:
+        """Where readings are, among all of them sensor by sensor, (M,)."""
+        return np.flatnonzero(np.isfinite(self.sensors))
+
+    def weighted(self, degC: Array) -> Array:
+        """Of temperatures (P, s, N) those where readings are, times their weights, (P, M)."""
+        row = degC.reshape(len(degC), -1)[:, self.valid]
+        return row if self.weight is None else row * self.weight.repeat(self.samples)[self.valid]
 
 
 def diagnosis_period_s(traces: Sequence[Trace]) -> float:

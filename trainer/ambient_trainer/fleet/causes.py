@@ -212,5 +212,4 @@ def _evidence(fitted: Fitted, typical: Typical) -> tuple[float, float]:
 def _settled(record: Record) -> NDArray[np.bool_]:
     """Which of a record's readings count."""
     after_s = min(_SETTLED_S, (record.time_s[-1] - record.time_s[0]) / 10)
-    late = record.time_s >= record.time_s[0] + after_s
-    return np.asarray(np.broadcast_to(late, record.sensors.shape)[np.isfinite(record.sensors)])
+    return np.asarray(record.time_s >= record.time_s[0] + after_s)[record.valid % record.samples]

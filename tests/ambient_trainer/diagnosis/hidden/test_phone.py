@@ -61,8 +61,7 @@ def test_the_signal_that_drives_it_is_not_taken_for_those_that_do_not(diagnosed)
 
 
 @pytest.mark.parametrize(
-    ("cause", "given"),
-    [("thermal_mass", {}), ("ambient_coupling", {"location": "back", "signal": "case_on"})],
+    ("cause", "given"), [("thermal_mass", {}), ("ambient_coupling", {"location": "back", "signal": "case_on"})]
 )
 def test_no_name_is_confident_for_what_is_on_the_back_which_no_sensor_sees(diagnosed, cause, given):
     """A mass is taken for something cold at the board before it, a case for one on the display as well."""

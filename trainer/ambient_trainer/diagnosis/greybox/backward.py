@@ -88,8 +88,9 @@ def _needed(fitted: Fitted, given: int) -> Fitted:
         without = _fit(model, fitted, _FEW)
         if without is None:
             continue
-        without = without.refitted()
-        if score(without) <= score(fitted) + LEAST_GAIN:
+        most = score(fitted) + LEAST_GAIN
+        without = without.refitted(float(np.exp(most - PENALTY * assumed(without.model))))
+        if score(without) <= most:
             return _needed(without, given)
     return fitted
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -251,7 +252,7 @@ class GreyBox:
         )
         return GreyBox(circuit, own)
 
-    @property
+    @cached_property
     def numbers(self) -> tuple[Number, ...]:
         """All numbers that are fitted."""
         return (*self.own, *(number for each in self.mechanisms for number in each.numbers))
@@ -295,8 +296,9 @@ class GreyBox:
 
     def values(self, z: Array) -> Array:
         """Numbers (P, p) at coordinates z (P, p)."""
-        columns = [number.natural(z[:, index]) for index, number in enumerate(self.numbers)]
-        return np.stack(columns, axis=1) if columns else z
+        # all at once, as ``natural`` makes each
+        log, scale = np.array([(each.log, each.scale) for each in self.numbers]).reshape(-1, 2).T
+        return np.asarray(np.where(log > 0, np.exp(np.clip(z, -60, 60)), z * scale))
 
     def network(self, record: Record, z: Array) -> Network:
         """The network of P lanes at coordinates z (P, p), on the steps in which a record is simulated."""
@@ -319,7 +321,7 @@ def _advised_sd(parameter: Parameter, positive: bool) -> float:
 
 def bare_network(circuit: Circuit, record: Record, free: dict[str, Array], lanes: int) -> Network:
     """The network of a forward circuit; ``free`` holds values (P,) of free parameters, others are as in the circuit."""
-    fixed = {each.name: np.full(lanes, each.initial) for each in circuit.parameters}
+    fixed = {each.name: np.full(lanes, each.initial) for each in circuit.parameters if each.name not in free}
     value = {**fixed, **free}
     states = [node.name for node in circuit.states]
     prescribed = [node for node in circuit.nodes if node.capacitance is None]

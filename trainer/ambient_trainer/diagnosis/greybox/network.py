@@ -12,7 +12,6 @@ as a further input that is predicted and corrected from sample to sample (expone
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -79,9 +78,8 @@ class Network:
     def copied(self) -> Network:
         """Another one to add to."""
         given = {each.name: getattr(self, each.name) for each in fields(self)}
-        own: dict[str, Any] = {
-            name: copy(row) for name, row in given.items() if isinstance(row, list | dict | np.ndarray)
-        }
+        copied = list | dict | np.ndarray
+        own: dict[str, Any] = {name: row.copy() for name, row in given.items() if isinstance(row, copied)}
         return replace(self, **own)
 
     def index(self, node: str) -> int:

@@ -76,8 +76,19 @@ class Run:
     slopes: Array
     start: Array
     start_slopes: Array
-    start_prior: Array
+    start_weight: Array
     start_expected: Array
+
+    @cached_property
+    def start_prior(self) -> Array:
+        """The weight of what is expected of the start: beside correlated residuals a first reading counts as much as it
+        does beside so many independent ones."""
+        return self.start_weight * max(float(self.residual @ self.residual) / _INDEPENDENT, 1.0)
+
+    def seen(self, record: Record, without: Record) -> Run:
+        """The same beside the readings alone that ``without`` has of those of its record."""
+        own = np.isfinite(without.sensors).ravel()[record.valid]
+        return replace(self, residual=self.residual[own], slopes=self.slopes[own], start_slopes=self.start_slopes[own])
 
 
 @dataclass(frozen=True)
@@ -102,7 +113,7 @@ class Fitted:
         """Measured minus simulated of one record, (s, N); NaN where nothing was measured."""
         record = self.records[index]
         result = np.full(record.sensors.shape, np.nan)
-        result[np.isfinite(record.sensors)] = self.runs[index].residual
+        result.flat[record.valid] = self.runs[index].residual
         return np.asarray(result / record.weights)
 
     def without_slopes(self) -> Fitted:
@@ -114,6 +125,15 @@ class Fitted:
     def slopes(self) -> Array:
         """Of the simulation in every coordinate, starts re-optimised, (M, p); not kept, as trials are many."""
         return np.concatenate([_profiled(run, run.slopes) for run in self.runs])
+
+    @cached_property
+    def _basis(self) -> Array:
+        """What slopes span, (M, p)."""
+        return np.linalg.qr(self.slopes)[0] if self.slopes.size else np.zeros((len(self.residual), 0))
+
+    def beside(self, columns: Array) -> Array:
+        """Columns (M, ...) without what the model's own numbers can do."""
+        return np.asarray(columns - self._basis @ (self._basis.T @ columns))
 
     @cached_property
     def block(self) -> Array:
@@ -156,32 +176,36 @@ class Fitted:
         """Sum of squares of the first fold, and of each other when it is left out of the fit, to first order, (F,)."""
         if self.validated is not None:
             return self.validated
-        return self.by_fold.normal.held_out(self.ridge())
+        return self.by_fold.normal.held_out(self.ridge)
 
     @cached_property
     def combed(self) -> Array:
         """As :attr:`held_out`, but of the stretches of :attr:`by_comb`, (F,)."""
-        return self.by_comb.normal.held_out(self.ridge(), EACH)
+        return self.by_comb.normal.held_out(self.ridge, EACH)
 
-    def refitted(self) -> Fitted:
-        """The same with :attr:`held_out` by a fit without each fold, not to first order.
+    def refitted(self, most_degC: float = np.inf) -> Fitted:
+        """The same with :attr:`held_out` by a fit without each fold, not to first order; no end of it where it leaves
+        more than ``most_degC``.
 
         What the other folds say nothing of stays as it is: the circuit's file is no evidence against it.
         """
-        squares, own = [], len(self.prior.z)
+        squares, own = [float(self.by_fold.normal.square[0])], len(self.prior.z)
+        most = (1 + 1e-9) * most_degC**2 * left_out_count(self.fold)
         prior = self.prior if self.records[0].known_good else replace(self.prior, z=self.model.z()[:own])
         for first, last in LEFT_OUT:
             without = [
-                replace(record, sensors=_masked(record, (blocks * FOLDS // BLOCKS, first, last)))
+                replace(record, sensors=_masked(record, blocks * FOLDS // BLOCKS, first, last))
                 for record, blocks in zip(self.records, self.blocks)
             ]
-            starts = [run.start for run in self.runs]
-            other = fit(self.model, without, starts, most=_REFIT, tolerance=1e-2, prior=prior)
-            if other is None:
+            seen = [run.seen(*each) for run, *each in zip(self.runs, self.records, without)]
+            other = _descended(self.model, without, seen, _REFIT, 1e-2, prior)
+            if other is not None:
+                squares.append(sum(_left_out(other, *each) for each in zip(self.records, other.runs, without)))
+            if other is None or sum(squares) > most:
                 return replace(self, validated=np.full(len(LEFT_OUT) + 1, np.inf))
-            squares.append(sum(_left_out(other, *each) for each in zip(self.records, other.runs, without)))
-        return replace(self, validated=np.array([self.by_fold.normal.square[0], *squares]))
+        return replace(self, validated=np.array(squares))
 
+    @cached_property
     def ridge(self) -> Array:
         """The weight of the prior, (p, p)."""
         return _prior_weight(self.prior.extended(self.model), self.runs)
@@ -200,7 +224,7 @@ class Fitted:
     def covariance(self) -> Array:
         """Of the coordinates, by the scatter of whole blocks (a sandwich): residuals within one are correlated."""
         J, r, block = self.slopes, self.residual, self.block
-        inverse = np.linalg.pinv(J.T @ J + self.ridge())
+        inverse = np.linalg.pinv(J.T @ J + self.ridge)
         scores = np.array([J[block == b].T @ r[block == b] for b in np.unique(block)])
         count = len(scores)
         return np.asarray(inverse @ (scores.T @ scores) @ inverse * count / max(count - 1, 1))
@@ -257,16 +281,16 @@ class Normal:
 
 @dataclass(frozen=True)
 class Parts:
-    """Readings by fold: which are a fold's own (M,), their slopes, and what is left of them."""
+    """Readings by fold: which are a fold's own, their slopes, and what is left of them."""
 
-    rows: tuple[NDArray[np.bool_], ...]
+    rows: tuple[NDArray[np.intp], ...]
     slopes: tuple[Array, ...]
     left: tuple[Array, ...]
 
     @staticmethod
     def of(J: Array, r: Array, fold: Array) -> Parts:
         """Of slopes J (M, p) and what is left r (M,), by the fold of each."""
-        rows = tuple(fold == each for each in range(FOLDS))
+        rows = tuple(np.flatnonzero(fold == each) for each in range(FOLDS))
         return Parts(rows, tuple(J[each] for each in rows), tuple(r[each] for each in rows))
 
     @cached_property
@@ -284,12 +308,10 @@ class Parts:
         )
 
 
-def _masked(record: Record, fold: tuple[Array, int, int]) -> Array:
+def _masked(record: Record, folds: Array, first: int, last: int) -> Array:
     """The readings of a record without those of some folds."""
-    folds, first, last = fold
     sensors = record.sensors.copy()
-    kept = sensors[np.isfinite(sensors)]
-    sensors[np.isfinite(sensors)] = np.where((folds >= first) & (folds <= last), np.nan, kept)
+    sensors.flat[record.valid[(folds >= first) & (folds <= last)]] = np.nan
     # where a run begins is given: a simulation starts from the first readings
     for row, whole in zip(sensors, record.sensors):
         begin = np.flatnonzero(np.isfinite(whole))[:1]
@@ -308,8 +330,7 @@ def _left_out(fitted: Fitted, record: Record, run: Run, without: Record) -> floa
 
 def _stretches(record: Record) -> Array:
     """The stretch of each valid reading."""
-    index = np.arange(record.samples) * _STRETCHES // record.samples
-    return np.asarray(np.broadcast_to(index, record.sensors.shape)[np.isfinite(record.sensors)])
+    return np.asarray(record.valid % record.samples * _STRETCHES // record.samples)
 
 
 def left_out_count(fold: Array) -> int:
@@ -324,14 +345,15 @@ def _profiled(run: Run, columns: Array) -> Array:
     return np.asarray(columns - S @ np.linalg.solve(system, S.T @ columns))
 
 
-def expected_start(record: Record, network_nodes: Sequence[str], reads: NDArray[np.intp]) -> tuple[Array, Array]:
+def expected_start(model: GreyBox, record: Record) -> tuple[Array, Array]:
     """The start (n,) by the first readings, and the weight of each (n,)."""
+    network = model.network(record, model.z()[None])
     first = np.array([row[np.isfinite(row)][0] if np.isfinite(row).any() else np.nan for row in record.sensors])
     overall = float(np.nanmean(first)) if np.isfinite(first).any() else 20.0
-    start = np.full(len(network_nodes), overall)
-    weight = np.full(len(network_nodes), _HIDDEN_SD_DEGC**-2)
-    start[reads] = np.where(np.isnan(first), overall, first)
-    weight[reads] = _START_SD_DEGC**-2
+    start = np.full(len(network.nodes), overall)
+    weight = np.full(len(network.nodes), _HIDDEN_SD_DEGC**-2)
+    start[network.reads] = np.where(np.isnan(first), overall, first)
+    weight[network.reads] = _START_SD_DEGC**-2
     return start, weight
 
 
@@ -344,10 +366,10 @@ def simulate(model: GreyBox, record: Record, z: Array, start: Array) -> Array:
     return np.concatenate([model.network(record, z[each]).simulate(start[each]) for each in parts])
 
 
-def _residual(read: Array, record: Record, valid: Array) -> Array:
+def _residual(read: Array, record: Record) -> Array:
     left = record.sensors[None] - read
-    left = record.weights * np.where(np.abs(left) < ABSURD_DEGC, left, np.nan)
-    return np.asarray(left[:, valid])
+    left[np.abs(left) >= ABSURD_DEGC] = np.nan
+    return record.weighted(left)
 
 
 def block_of(records: Sequence[Record]) -> tuple[Array, ...]:
@@ -355,30 +377,28 @@ def block_of(records: Sequence[Record]) -> tuple[Array, ...]:
     total = sum(record.samples for record in records)
     result, before = [], 0
     for record in records:
-        index = np.minimum((before + np.arange(record.samples)) * BLOCKS // total, BLOCKS - 1)
-        result.append(np.broadcast_to(index, record.sensors.shape)[np.isfinite(record.sensors)])
+        result.append(np.minimum((before + record.valid % record.samples) * BLOCKS // total, BLOCKS - 1))
         before += record.samples
     return tuple(result)
 
 
-def linearised(model: GreyBox, record: Record, start: Array | None, moved: int | None = None) -> Run:
+def linearised(
+    model: GreyBox, record: Record, start: Array | None, moved: int | None = None, like: Run | None = None
+) -> Run:
     """The run of ``model`` on ``record``, with slopes by forward differences, all in one simulation.
 
-    Slopes are those of the first ``moved`` coordinates, by default of all.
+    Slopes are those of the first ``moved`` coordinates, by default of all; ``like`` is a run of the same nodes.
     """
     z = model.z()
-    probe = model.network(record, z[None])
-    expected, weight = expected_start(record, probe.nodes, probe.reads)
+    expected, weight = (like.start_expected, like.start_weight) if like else expected_start(model, record)
     start = expected if start is None else _grown(start, expected)
     p, n = len(z) if moved is None else moved, len(start)
     lanes = np.repeat(z[None], 1 + p + n, axis=0)
     starts = np.repeat(start[None], 1 + p + n, axis=0)
     lanes[1 + np.arange(p), np.arange(p)] += _STEP
     starts[1 + p + np.arange(n), np.arange(n)] += 1.0
-    left = _residual(simulate(model, record, lanes, starts), record, np.isfinite(record.sensors))
+    left = _residual(simulate(model, record, lanes, starts), record)
     slopes = (left[0] - left[1 : 1 + p]).T / _STEP
-    # beside correlated residuals a first reading counts as much as it does beside so many independent ones
-    weight = weight * max(float(left[0] @ left[0]) / _INDEPENDENT, 1.0)
     return Run(left[0], _flushed(slopes), start, _flushed((left[0] - left[1 + p :]).T), weight, expected)
 
 
@@ -415,11 +435,16 @@ def fit(
     prior: Prior | None = None,
 ) -> Fitted | None:
     """The least squares of ``model`` near where it stands; None where it cannot be simulated there."""
-    z = model.z()
-    base = Prior.of(model) if prior is None else prior
-    prior = base.extended(model)
-    low, high = (np.array(each) for each in zip(*(number.range_z for number in model.numbers))) if len(z) else (z, z)
     runs = [linearised(model, record, start) for record, start in zip(records, starts or [None] * len(records))]
+    return _descended(model, records, runs, most, tolerance, Prior.of(model) if prior is None else prior)
+
+
+def _descended(
+    model: GreyBox, records: Sequence[Record], runs: Sequence[Run], most: int, tolerance: float, base: Prior
+) -> Fitted | None:
+    """As :func:`fit`, where the runs of the model are known."""
+    z, prior = model.z(), base.extended(model)
+    low, high = (np.array(each) for each in zip(*(number.range_z for number in model.numbers))) if len(z) else (z, z)
     if not all(np.isfinite(run.residual).all() for run in runs) or not _finite(runs):
         return None
     for _ in range(most):
@@ -427,7 +452,7 @@ def fit(
         if best is None:
             break
         moved = model.at(best.z)
-        there = [linearised(moved, record, start) for record, start in zip(records, best.starts)]
+        there = [linearised(moved, *each, None, run) for each, run in zip(zip(records, best.starts), runs)]
         if not _finite(there):
             break
         z, model, runs = best.z, moved, there
@@ -461,12 +486,7 @@ class _Step:
 
 
 def _step(
-    model: GreyBox,
-    records: Sequence[Record],
-    runs: Sequence[Run],
-    z: Array,
-    prior: Prior,
-    bounds: tuple[Array, Array],
+    model: GreyBox, records: Sequence[Record], runs: Sequence[Run], z: Array, prior: Prior, bounds: tuple[Array, Array]
 ) -> _Step | None:
     p = len(z)
     H, g = np.zeros((p, p)), np.zeros(p)
@@ -497,8 +517,7 @@ def _step(
         start = run.start + alone - (zs - z) @ along.T
         start[0] = run.start
         starts.append(start)
-        valid = np.isfinite(record.sensors)
-        left = _residual(simulate(model, record, zs, start), record, valid)
+        left = _residual(simulate(model, record, zs, start), record)
         total += np.einsum("lm,lm->l", left, left) + (start - run.start_expected) ** 2 @ run.start_prior
     total = np.where(np.isfinite(total), total, np.inf)
     best = int(np.argmin(total))

@@ -121,9 +121,8 @@ class _Beside:
         mechanism.apply(network, probes, self.record.simulated)
         first = np.full((len(probes), len(network.nodes)), self.start[network.reads].mean())
         first[:, : len(self.start)] = self.start
-        valid = np.isfinite(self.record.sensors)
         with np.errstate(all="ignore"):
-            added = (self.record.weights * (network.simulate(first) - self.read))[:, valid].T
+            added = self.record.weighted(network.simulate(first) - self.read).T
         return np.asarray(added if (np.abs(added) < _RUN_AWAY).all() else np.zeros_like(added))
 
     def _network(self, lanes: int) -> Network:
@@ -142,7 +141,7 @@ def _scored(fitted: Fitted, parts: Parts, S: Array, lasts: bool) -> tuple[Array,
     full = parts.beside(S)
     own = full.H.shape[1] - S.shape[1]
     size = np.concatenate([np.ones(own), 1.0 / (np.sqrt((S**2).sum(axis=0)) + 1e-300)])
-    ridge = block_diag(fitted.ridge(), 1e-9 * np.eye(S.shape[1]))
+    ridge = block_diag(fitted.ridge, 1e-9 * np.eye(S.shape[1]))
     sized = full.scaled(size)
     solution = np.linalg.lstsq(sized.H.sum(axis=0) + ridge, sized.g.sum(axis=0), rcond=1e-12)[0]
     amounts = (solution * size)[own:]

@@ -52,7 +52,7 @@ def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns, closed: 
     if record.samples < 4 * _COARSE:
         return None
     begin, end = float(record.time_s[0]), float(record.time_s[-1])
-    step, shortest, project = (end - begin) / _COARSE, _SHORTEST * record.period_s, _projector(fitted)
+    step, shortest, project = (end - begin) / _COARSE, _SHORTEST * record.period_s, fitted.beside
     on: Array = begin + step * np.arange(_COARSE, dtype=np.float64)
     off, best = on, None
     for _ in range(_ROUNDS + 1):
@@ -75,7 +75,7 @@ def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns, closed: 
 def with_other_end(fitted: Fitted, body: Mechanism, columns: Columns) -> Mechanism:
     """A body that comes or goes, with the best other end: going does not undo, as one that comes, what it has done."""
     record = max(fitted.records, key=lambda each: each.samples)
-    project, left = _projector(fitted), fitted.residual
+    project, left = fitted.beside, fitted.residual
     first, last, shortest = float(record.time_s[0]), float(record.time_s[-1]), _SHORTEST * record.period_s
     if body.onset_s is not None:
         first = body.onset_s + shortest
@@ -150,12 +150,6 @@ def _least(
 
     options = {"maxiter": _TIMES, "xatol": (high - low) / 1000}
     return at(float(minimize_scalar(left, bounds=(low, high), method="bounded", options=options).x))
-
-
-def _projector(fitted: Fitted) -> Callable[[Array], Array]:
-    """Takes out of columns (M, ...) what the model's own numbers can do."""
-    Q = np.linalg.qr(fitted.slopes)[0] if fitted.slopes.size else np.zeros((len(fitted.residual), 0))
-    return lambda columns: np.asarray(columns - Q @ (Q.T @ columns))
 
 
 def _best(
