@@ -249,8 +249,8 @@ def _or_physics(trial: Trial) -> tuple[Cause, ...]:
     """What reads the same as one sensor's drift or lag: heat that grows with time, where its node exchanges heat with
     no other sensor's, and a body of the heater's own, where something logged heats the node. As a reference that is
     off: constant heat at all nodes; that is late where the ambient repeats itself: heat by day that nothing logged
-    shows. As a body, where nothing logged moves: a loss that bends, and the other way round. As heat by what a module makes of
-    the sun: the sun."""
+    shows. As a body, where nothing logged moves: a loss that bends, and the other way round. As heat by what a module
+    makes of the sun: the sun."""
     cause, fitted = trial.mechanism.cause, trial.fitted
     if cause == "heat_source" and (light := _light_along(trial.mechanism, fitted.records)):
         return tuple(replace(cause_of(trial.mechanism, fitted.model.circuit), signal=each) for each in light)
