@@ -172,7 +172,7 @@ def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float, progres
     found = _diagnosis(circuit, traces, selection, limits.floor_degC, ())
     if progress is not None:
         progress("fit all effects at once", 0, 1)
-    points = [bare, *beside[:1]] if _never_settles(bare) else [bare]
+    points = [bare, *beside] if _never_settles(bare) else [bare]
     together = min(filter(None, map(eliminated, points)), key=score, default=None)
     if together is None or not _better(selection, found, together):
         return found
