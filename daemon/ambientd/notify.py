@@ -36,6 +36,11 @@ class Notifier:
         if self._address:
             self._open()
 
+    @property
+    def is_open(self) -> bool:
+        """Whether a manager is notified."""
+        return self._socket is not None
+
     def _open(self) -> None:
         if self._address[0] not in "/@":
             self._note(f"NOTIFY_SOCKET is '{self._address}', no path and no abstract name: the manager is not notified")

@@ -150,12 +150,12 @@ class OffsetLearner:
                 self.unsaved = True
             # one that was refused is not tried again and again until it passes
             judged_unix_s = max(self._counted_unix_s, self._refused_unix_s)
-            if self._spec.path and estimate.status in LEARNING and not self._too_soon(self._wall_s(), judged_unix_s):
+            if self._spec.path and not self._too_soon(self._wall_s(), judged_unix_s) and estimate.status in LEARNING:
                 at_ns = self._changed(self._spec.path)
                 if at_ns and not self._too_soon(at_ns / 1e9, judged_unix_s):
                     counted = self._judge(self._spec.path, self._spec.unit, at_ns, estimate)
                     self.unsaved = self.unsaved or counted
-        return shifted(estimate, self._report.offset_degC)
+        return shifted(estimate, self.report.offset_degC)
 
     def _advance(self, time_s: float) -> None:
         """Predict the offset to ``time_s``, and take off the readings what is due by then."""
@@ -166,13 +166,10 @@ class OffsetLearner:
             self._taken_off = [now + a * (o - now) for now, o in zip(self._taken_off, self._sensors.degC)]
         self._note_report()
 
-    def report(self) -> OffsetReport:
-        """What is published of it; the same object until it is predicted again, or a reading is judged."""
-        return self._report
-
     def _note_report(self) -> None:
         offset_degC = self._state.offset_degC + self._ahead_degC(self._sensors)
-        self._report = OffsetReport(offset_degC, math.sqrt(self._state.variance_degC2), self._last)
+        self.report = OffsetReport(offset_degC, math.sqrt(self._state.variance_degC2), self._last)
+        """What is published of it; the same object until it is predicted again, or a reading is judged."""
 
     def _ahead_degC(self, sensors: SensorOffsets) -> float:
         """What the estimate changes by, at rest, until these are taken off the readings."""

@@ -133,7 +133,7 @@ class _Poll:
         # a record's fields take longer to get
         self._model, self._tracker, self._sensors, self._state = work.model, work.tracker, work.sensors, work.state
         self._tick = service.tick
-        self._notifier = notifier
+        self._notifier, self._is_watched = notifier, notifier.is_open
         period_s = 1 / work.settings.rate_hz
         notifier.expect(period_s)
         self._ticks = Ticks(period_s, waiter.until)
@@ -160,7 +160,8 @@ class _Poll:
         status = estimate.status
         if status != TRACKING or self._status != TRACKING:
             self._report(status)
-        self._notifier.ticked(now_s)
+        if self._is_watched:
+            self._notifier.ticked(now_s)
         if self._state is not None:
             self._state.ticked(self._tracker, now_s)
 

@@ -47,11 +47,10 @@ class Service:
             estimate = self._tracker.update(time_s, raw)
         else:
             estimate = learner.update(time_s, self._tracker.update(time_s, learner.corrected(raw)))
-            offset = learner.report()
+            offset = learner.report
         if estimate.status in ALL_INPUTS:
             self._fresh_s = time_s
         age_s = None if self._fresh_s is None else time_s - self._fresh_s
-        name, inputs, level_percent = self._about
-        report = (name, inputs, level_percent, time_s, raw, estimate, age_s, missed_ticks, clock_steps_back, offset)
+        report = (*self._about, time_s, raw, estimate, age_s, missed_ticks, clock_steps_back, offset)
         self._publish(_NEW(Report, report))
         return estimate

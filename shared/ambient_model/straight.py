@@ -159,7 +159,8 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
     slow_a = -math.expm1(-period_s / SLOW_S)
     a = [-math.expm1(-period_s / lag_s) for lag_s in model.lags_s for _ in range(count)]
     lines = [
-        "if not validation.is_usual or time_s >= validation._look_s"
+        "looks = time_s >= validation._look_s",
+        "if not validation.is_usual or looks and validation.is_standing(time_s)"
         f" or not {0.5 * period_s!r} < time_s - validation._time_s < {1.5 * period_s!r}:",
         "    return None",
         "moved = readings != validation._used",
@@ -200,6 +201,8 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
     return [
         *lines,
         "validation._time_s = time_s",
+        "if looks:",
+        "    validation._look_s = validation.next_look_s()",
         "validation.starts_anew = False",
         f"validation._last = {_list(d)}",
         f"validation._slow = {_list([f'{s} + {slow_a!r} * ({each} - {s})' for s, each in zip(slow, d)])}",

@@ -28,7 +28,7 @@ one that is due.
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from operator import mul, sub
+from operator import itemgetter, mul, sub
 from typing import NamedTuple
 
 from ambient_model.model import SCORES, Estimator, ReadingModel
@@ -210,18 +210,15 @@ class Validation:
         """Its state, for :meth:`restore`; None where it has not begun."""
         if not self._begun or self._start is not None:
             return None
-        refused = [(i, each.value) for i, each in self.refused.items()]
-        return ValidationState(
-            self._time_s, tuple(self._used), tuple(self._lows), tuple(self._slow), tuple(self._steps), tuple(refused)
-        )
+        used, lows, slow, steps = [tuple(each) for each in (self._used, self._lows, self._slow, self._steps)]
+        refused = tuple([(i, each.value) for i, each in self.refused.items()])
+        return ValidationState(self._time_s, used, lows, slow, steps, refused)
 
     def fits(self, state: ValidationState) -> bool:
         """Whether ``state`` has this one's shapes."""
         lengths = [len(each) for each in (state.used, state.slow, state.steps, state.lows)]
-        numbers = [i for i, _ in state.refused]
-        return lengths == [self._count] * 3 + [len(self._model.mean) - self._count] and all(
-            0 <= i < self._count for i in numbers
-        )
+        right = [self._count] * 3 + [len(self._model.mean) - self._count]
+        return lengths == right and all(0 <= i < self._count for i, _ in state.refused)
 
     def restore(self, state: ValidationState) -> None:
         """Continue from ``state``, which :meth:`fits`."""
@@ -275,7 +272,7 @@ class Validation:
         self._note_changes(readings, z)
         if time_s >= self._look_s:
             self._refuse_stuck(readings, z)
-            self._look_s = self._next_look_s()
+            self._look_s = self.next_look_s()
         self._follow(readings, z)
         if self.refused:
             self._release(readings, z, passed_s)
@@ -555,7 +552,7 @@ class Validation:
                 sets = [frozenset(each) for each in itertools.combinations(present, size)]
             else:
                 sets = [best | {i} for i in present if i not in best]
-            ranked = sorted(zip(self._evidence(z, sets), sets), key=_first, reverse=True)
+            ranked = sorted(zip(self._evidence(z, sets), sets), key=itemgetter(0), reverse=True)
             best = ranked[0][1]
             for _, sensors in ranked:
                 apart = self._apart | sensors
@@ -606,7 +603,12 @@ class Validation:
             if value is not None and value != still[1] and i not in self._apart:
                 self._still[i] = (self._time_s, value, z)
 
-    def _next_look_s(self) -> float:
+    def is_standing(self, time_s: float) -> bool:
+        """Whether something may stand still for too long, or the gates of the start are over or near their end."""
+        pairs = zip(self._still, self._model.sensors)
+        return self._slack > 1 or any([2 * (time_s - still[0]) > each.still_s for still, each in pairs])
+
+    def next_look_s(self) -> float:
         """When something has stood still for long enough to be looked at, or the gates change, and not too soon."""
         stuck_s = min([still[0] + each.still_s / 2 for still, each in zip(self._still, self._model.sensors)])
         look_s = max(stuck_s, self._time_s + _LOOK_S)
@@ -735,7 +737,3 @@ def _solved(matrix: list[list[float]], right: list[float]) -> list[float]:
     for k in reversed(range(size)):
         x[k] = (rows[k][size] - sum([rows[k][j] * x[j] for j in range(k + 1, size)])) / rows[k][k]
     return x
-
-
-def _first(pair: tuple[float, Sensors]) -> float:
-    return pair[0]

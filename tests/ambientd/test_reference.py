@@ -72,7 +72,7 @@ class Device:
     def tick(self, passed_s=1.0, estimate=AT_REST):
         self.now_s, self.unix_s = self.now_s + passed_s, self.unix_s + passed_s
         shown = self.learner.update(self.now_s, estimate)
-        offset = self.learner.report().offset_degC
+        offset = self.learner.report.offset_degC
         assert shown.ambient_degC == estimate.ambient_degC + offset
         return offset
 
@@ -87,7 +87,7 @@ def test_a_reading_counts_once_and_the_next_one_a_correlation_time_later(device)
     first = device.tick()
     R = 0.25 + (0.5 / 1.645) ** 2
     assert first == pytest.approx(0.5 * 0.25 / (0.25 + R))
-    assert device.learner.report().last.counted
+    assert device.learner.report.last.counted
     assert "counted" in device.notes[0]
     device.tick()
     device.write(b"21.5 0.5\n")
@@ -106,14 +106,14 @@ def test_a_wild_stale_or_damaged_reading_moves_nothing(device, content, age_s):
     for _ in range(20):
         device.write(content, age_s)
         assert device.tick() == 0
-    assert not device.learner.report().last.counted
+    assert not device.learner.report.last.counted
     assert len(device.notes) == 1, "it is logged once"
 
 
 def test_nothing_counts_while_it_warms_up_and_the_file_counts_afterwards(device):
     device.write(b"21.5")
     assert device.tick(estimate=AT_REST._replace(status=WARMING_UP)) == 0
-    assert device.learner.report().last is None
+    assert device.learner.report.last is None
     assert device.tick() > 0
 
 
@@ -122,7 +122,7 @@ def test_a_folder_a_pipe_and_no_file_are_no_reference(device):
     os.mkfifo(device.file)
     os.utime(device.file, (device.unix_s,) * 2)
     assert device.tick() == 0
-    assert not device.learner.report().last.counted
+    assert not device.learner.report.last.counted
 
 
 def test_it_outlives_a_restart_and_is_forgotten_by_the_calendar(device, tmp_path):
@@ -136,7 +136,7 @@ def test_it_outlives_a_restart_and_is_forgotten_by_the_calendar(device, tmp_path
     after.now_s, after.unix_s = 5.0, device.unix_s + 7 * DAY_S
     after.learner.restore(decode(encode(state)).offset, after.now_s)
     assert after.tick() == pytest.approx(learnt * math.exp(-7 / 28), rel=1e-5)
-    assert after.learner.report().last == device.learner.report().last
+    assert after.learner.report.last == device.learner.report.last
 
 
 def test_a_told_reading_is_answered_and_removed_once_it_is_saved(device, tmp_path):
@@ -180,7 +180,7 @@ class Pair(Device):
 def test_sensors_own_errors_are_learnt_from_their_differences_when_a_reading_counts(tmp_path, make_model):
     device, own = Pair(tmp_path, make_model), 0.3 * (1 - math.exp(-1500 / 600))
     before, at_once, later = device.told(25.3, 24.7)
-    assert device.learner.report().std_degC == pytest.approx(0.2, rel=1e-2)
+    assert device.learner.report.std_degC == pytest.approx(0.2, rel=1e-2)
     assert before.used == at_once.used == (25.3, 24.7)
     # gains of 0.2 and 0.8 at rest
     assert at_once.ambient_degC - before.ambient_degC == pytest.approx(0.6 * own, abs=2e-3)
@@ -207,7 +207,7 @@ def test_a_scraper_is_shown_it(device, make_model):
     about = ("bench", inputs, 90, 1.0, (1.0, 2.0), AT_REST._replace(used=(1.0, 2.0)), 0.0, 0, 0)
     device.write(b"21.5")
     device.tick()
-    assert "ambientd_offset_celsius 0." in exposition(Report(*about, device.learner.report()))
+    assert "ambientd_offset_celsius 0." in exposition(Report(*about, device.learner.report))
     assert "ambientd_offset" not in exposition(Report(*about))
 
 

@@ -41,7 +41,7 @@ def from_micro(content: bytes) -> float | None:
 def _in_steps(content: bytes, steps: int, lowest: float) -> float | None:
     """The number in ``content``, of which ``steps`` make a unit; None where it is none, or below ``lowest`` units."""
     digits = content.strip()
-    if len(content) >= BUFFER_BYTES or not (digits.isdigit() or (digits[:1] == b"-" and digits[1:].isdigit())):
+    if len(content) >= BUFFER_BYTES or not digits.removeprefix(b"-").isdigit():
         return None
     value = int(digits) / steps
     return value if value >= lowest else None
