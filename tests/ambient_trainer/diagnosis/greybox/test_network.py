@@ -86,20 +86,6 @@ def test_a_circuit_written_and_read_again_simulates_the_same(circuit, simulated,
     assert np.abs(one.simulate(start) - bare.network(given, bare.z()[None]).simulate(start[:, :1])).max() > 0.01
 
 
-@pytest.mark.parametrize("name", [each for each, held in MECHANISMS.items() if held.places and each != "Path"])
-def test_a_place_that_the_circuit_lacks_is_refused(circuit, name):
-    lost = addition_of(replace(MECHANISMS[name], places=("kitchen",)))
-    with pytest.raises(Refused, match=f"{name} cannot act"):
-        greybox_of(replace(circuit, mechanisms=(lost,)))
-
-
-@pytest.mark.parametrize("ends", [(), ("board",), ("board", "wall", "board", "wall")])
-def test_a_path_with_other_ends_than_places_is_refused(circuit, ends):
-    lost = addition_of(replace(MECHANISMS["Path"], ends=ends))
-    with pytest.raises(Refused, match="Path cannot act"):
-        greybox_of(replace(circuit, mechanisms=(lost,)))
-
-
 @pytest.mark.parametrize("name", ["HiddenMass", "ZoneLoss"])
 def test_lanes_that_are_simulated_in_parts_are_the_same(circuit, simulated, recorded, name, monkeypatch):
     (record,) = recorded(simulated(6))
@@ -151,6 +137,8 @@ def test_changes_of_one_loss_multiply(circuit, simulated, recorded, order):
 
 
 ONE = {"n": {"unit": "1", "value": 0.1}}
+ELSEWHERE = [replace(each, places=("kitchen",)) for name, each in MECHANISMS.items() if each.places and name != "Path"]
+LOOSE = [replace(MECHANISMS["Path"], ends=ends) for ends in ((), PLACE, ("board", "wall", "board", "wall"))]
 
 
 @pytest.mark.parametrize(
@@ -163,6 +151,7 @@ ONE = {"n": {"unit": "1", "value": 0.1}}
         (Addition("Exponent", PLACE, None, None, None, ONE, {"typical_degC": "warm"}), "mechanisms[0]"),
         (Addition("Heat", PLACE, None, None, None, ONE, {"colour": 1}), "colour"),
         (Addition("Heat", PLACE, "wind_m_s +", None, None, ONE, {}), "wind_m_s +"),
+        *((addition_of(each), f"{type(each).__name__} cannot act") for each in (*ELSEWHERE, *LOOSE)),
     ],
 )
 def test_a_mechanism_that_cannot_act_is_refused(circuit, addition, named):
