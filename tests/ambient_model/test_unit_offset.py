@@ -33,7 +33,7 @@ def test_it_is_the_conditional_mean_and_variance_of_the_ornstein_uhlenbeck_proce
 references = st.lists(st.tuples(st.floats(-30, 30), st.floats(0.0025, 500)), max_size=60)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(references, st.floats(-DAY_S, 3 * DAY_S))
 def test_whatever_is_told_it_stays_within_its_bound(told, apart_s):
     prior = OffsetPrior()

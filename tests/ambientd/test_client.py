@@ -126,7 +126,7 @@ def test_a_line_that_the_daemon_does_not_write_is_no_reading(wrong):
     assert len(str(refused.value)) <= 200
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     content=st.binary(max_size=200)
     | st.builds(lambda cut, more: line()[:cut] + more, st.integers(0, 300), st.binary(max_size=20))

@@ -4,14 +4,13 @@ import re
 from fractions import Fraction
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ambientd.sources.quantities import degC_from_millidegrees, degC_from_tenths, from_micro
 
 READERS = {degC_from_millidegrees: 1000, degC_from_tenths: 10, from_micro: 10**6}
 every_reader = pytest.mark.parametrize("reader", READERS, ids=lambda reader: reader.__name__)
-quick = settings(derandomize=True, deadline=None)
 
 FORMS = [*b" ,\n,-,--1,nan,1e3,26.5,0x1F,1_000,+5,12 13,25000\n26000\n".split(b","), b"9" * 32, "٣٤".encode()]
 ENDS = st.sampled_from([b"", b"\n", b" \n"])
@@ -20,7 +19,6 @@ LONG = st.from_regex(rb"\s*-?[0-9]{1,40}\s*", fullmatch=True)
 
 
 @every_reader
-@quick
 @example(content=b"-273150\n")
 @example(content=b"-273151\n")
 @example(content=b"-2731\n")

@@ -128,7 +128,7 @@ CHANGED = damaged(json.loads(WHOLE.splitlines()[0])).map(lambda data: sealed(jso
 @example(content=sealed(b"[" * 100_000))
 @example(content=sealed(b"9" * 5000))
 @example(content=sealed(b'{"format": "ambientd-state"}'))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_any_bytes_are_a_state_or_a_reason(content):
     with contextlib.suppress(ValueError):
         state = decode(content)
@@ -147,7 +147,7 @@ NUMBERS = st.floats(-1e12, 1e12)
     difference=NUMBERS,
     said=st.none() | NUMBERS,
 )
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_state_of_any_numbers_makes_finite_estimates(make_model, x, u, start_s, step, difference, said):
     tracker = FallbackTracker(make_model(fallbacks=True), 1.0)
     voices = (Snapshot(1.0, start_s, step, tuple(x), tuple(u)), None, None)

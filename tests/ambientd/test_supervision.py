@@ -1,7 +1,7 @@
 """What is believed of the readings, and when what failed is tried again: rules of time, without a clock."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ambient_model.model import Input
@@ -83,7 +83,6 @@ def test_when_a_reading_is_not_believed(inputs, rules, moments, expected):
     assert doubted(inputs, rules, moments) == expected
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.lists(st.tuples(st.floats(0.05, 300), st.floats(-1, 1), st.booleans()), max_size=50))
 def test_what_changes_within_the_limit_never_jumps(steps):
     now_s, value, moments = 0.0, 30.0, [(0.0, [30.0])]
@@ -131,7 +130,6 @@ def test_the_dead_zone_of_a_real_phone_is_set_aside_and_no_other(beside):
     assert times_s == there_s[-len(times_s) :]  # once gone, it never comes back
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.lists(st.lists(st.none() | st.sampled_from([20.0, 20.1, 35.0]), min_size=2, max_size=2), max_size=200))
 def test_what_is_missing_is_never_doubted(rows):
     supervision = Supervision([USB, BATTERY], Rules(stuck_after_s=10.0, jump_K_per_s=3.0))

@@ -201,7 +201,7 @@ ONE_NODE = {
 }
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.from_type(Circuit))
 @example(parse_circuit(yaml.safe_dump(ONE_NODE), "one node"))
 def test_every_circuit_comes_back(circuit):

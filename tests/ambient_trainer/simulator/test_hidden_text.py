@@ -39,7 +39,7 @@ def test_a_text_means_what_it_says(text, effect):
     assert _read(text) == effect
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(cause=st.sampled_from(_CAUSES), seed=st.integers(0, 2**32 - 1), scale=st.floats(0.0, 5.0))
 def test_what_is_drawn_is_sound_and_reads_as_it_was_written(cause, seed, scale):
     drawn = draw_hidden(np.random.default_rng(seed), cause, _LASTS_S, scale)
@@ -57,7 +57,7 @@ _PIECES = st.one_of(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.lists(_PIECES, max_size=6).map(":".join))
 @example("")
 @example("random:scale=1e400")
