@@ -57,6 +57,17 @@ def _one_thread() -> Iterator[None]:
         yield
 
 
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[str, str], str]:
+    """Writes a file in the folder of the test, to the letter, and returns its path."""
+
+    def written(name: str, text: str) -> str:
+        (tmp_path / name).write_text(text, encoding="utf-8", newline="")
+        return str(tmp_path / name)
+
+    return written
+
+
 MAINS = {"ambient-trainer": "ambient_trainer.cli.main", "ambientd": "ambientd.__main__"}
 
 

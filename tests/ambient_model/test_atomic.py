@@ -12,10 +12,8 @@ from processes import ran
 
 
 @pytest.fixture
-def old(tmp_path: Path) -> Path:
-    path = tmp_path / "model.json"
-    path.write_text("old")
-    return path
+def old(write) -> Path:
+    return Path(write("model.json", "old"))
 
 
 def assert_untouched(old: Path) -> None:

@@ -63,10 +63,8 @@ def test_a_note_may_hold_quotes_commas_and_colons_and_two_lines_become_one(tmp_p
     ],
     ids=["header only", "time only", "CRLF", "spaces", "quotes", "notes", "mark and note", "mark"],
 )
-def test_what_the_contract_allows(tmp_path, content: str, wanted: tuple[Header, list[Row]]) -> None:
-    path = tmp_path / "trace.csv"
-    path.write_bytes(content.encode())
-    assert read(str(path)) == wanted
+def test_what_the_contract_allows(write, content: str, wanted: tuple[Header, list[Row]]) -> None:
+    assert read(write("trace.csv", content)) == wanted
 
 
 HEAD = b"time_s,usb_degC\n"

@@ -152,15 +152,10 @@ def path(tmp_path: Path) -> str:
 
 
 @pytest.fixture
-def configure(tmp_path: Path, model_file: str, phone: FakeSysfs) -> Callable[..., Path]:
+def configure(write: Callable[[str, str], str], model_file: str, phone: FakeSysfs) -> Callable[..., str]:
     """Write a configuration of the model on the phone at 20 Hz, with some keys as given."""
-
-    def write(**keys: object) -> Path:
-        path = tmp_path / "c.json"
-        path.write_text(json.dumps({"model": model_file, "rate_hz": 20, "sysfs_root": str(phone.root), **keys}))
-        return path
-
-    return write
+    on_phone = {"model": model_file, "rate_hz": 20, "sysfs_root": str(phone.root)}
+    return lambda **keys: write("c.json", json.dumps({**on_phone, **keys}))
 
 
 WHOLE: dict[str, Any] = {
@@ -203,16 +198,14 @@ WriteTrace = Callable[..., str]
 
 
 @pytest.fixture
-def write_trace(tmp_path: Path) -> WriteTrace:
+def write_trace(write: Callable[[str, str], str]) -> WriteTrace:
     """Write rows (None for a missing value) under a header."""
 
-    def write(rows: list[tuple[float | None, ...]], header: str = "time_s,usb_degC,battery_degC") -> str:
+    def written(rows: list[tuple[float | None, ...]], header: str = "time_s,usb_degC,battery_degC") -> str:
         cells = [",".join("" if value is None else repr(value) for value in row) for row in rows]
-        path = tmp_path / "trace.csv"
-        path.write_text("\n".join([header, *cells]) + "\n")
-        return str(path)
+        return write("trace.csv", "\n".join([header, *cells]) + "\n")
 
-    return write
+    return written
 
 
 @pytest.fixture

@@ -104,18 +104,13 @@ WHOLE = {
 
 
 @pytest.fixture
-def powered(make_model, make_hwmon, make_supply, tmp_path):
+def powered(make_model, make_hwmon, make_supply, write):
     """A model of a temperature and a current, its device, and a configuration with a sensors mapping."""
-    (tmp_path / "powered.json").write_text(encode(make_model(POWERED)))
+    write("powered.json", encode(make_model(POWERED)))
     make_hwmon(1, "board", (1, "inlet", "21500\n"))
     root = make_supply("bms", current_now="-750000\n", voltage_now="4100000\n")
-    path = tmp_path / "powered-c.json"
-
-    def config(sensors, **more):
-        path.write_text(json.dumps({"model": "powered.json", "sysfs_root": str(root), "sensors": sensors, **more}))
-        return path
-
-    return config
+    keys = {"model": "powered.json", "sysfs_root": str(root)}
+    return lambda sensors, **more: write("powered-c.json", json.dumps({**keys, "sensors": sensors, **more}))
 
 
 def test_each_configured_sensor_is_read_and_the_first_of_a_name_is_named(check, powered, make_hwmon, sysfs):

@@ -18,16 +18,10 @@ from refusals import refused
 from .conftest import WHOLE
 
 
-def saved(tmp_path, text, name="ambientd.yaml"):
-    path = tmp_path / name
-    path.write_text(text)
-    return str(path)
-
-
-def test_every_key_is_taken_the_same_from_json_and_yaml(tmp_path):
+def test_every_key_is_taken_the_same_from_json_and_yaml(write, tmp_path):
     text, theirs = json.dumps(WHOLE), Access(0o640, 0, 0)  # JSON is YAML, too
     for name in ("c.json", "c.yaml"):
-        path = saved(tmp_path, text, name)
+        path = write(name, text)
         assert load_settings(path) == Settings(
             source=path,
             model=str(tmp_path / "phone.json"),
@@ -57,8 +51,8 @@ def test_every_key_is_taken_the_same_from_json_and_yaml(tmp_path):
         )
 
 
-def test_the_model_alone_is_enough(tmp_path):
-    path = saved(tmp_path, "model: /m.json\n")
+def test_the_model_alone_is_enough(write):
+    path = write("c.yaml", "model: /m.json\n")
     assert load_settings(path) == settings_for_model("/m.json")._replace(source=path)
     taken = settings_for_model("m.json")
     assert taken[1:7] == ("m.json", 1.0, "/sys", (Spec("stdout"),), 90, {})
@@ -66,10 +60,8 @@ def test_the_model_alone_is_enough(tmp_path):
     assert taken.zones_by_name == "/dev/thermal/tz-by-name"
 
 
-def test_every_fault_is_named_at_once(tmp_path):
-    path = saved(
-        tmp_path,
-        """
+def test_every_fault_is_named_at_once(write):
+    text = """
 rate_hz: 50
 sysfs_root: 7
 level_percent: 95
@@ -84,9 +76,8 @@ publish:
   - 12
   - {kind: file, path: /run/a, mode: append, poison_millidegC: 1.5, owner: root}
   - {kind: socket, path: /run/a, mode: rename}
-""",
-    )
-    faults = {fault.place: str(fault) for fault in refused(load_settings, path).faults}
+"""
+    faults = {fault.place: str(fault) for fault in refused(load_settings, write("c.yaml", text)).faults}
     assert list(faults) == [
         *("poll", "model", "rate_hz", "sysfs_root"),
         *(f"publish[{k}]" for k in range(4)),
@@ -116,8 +107,8 @@ publish:
         ("model: a\nsupervision: {stuck_within_K: 0.1}\n", "c.yaml", "supervision.stuck_within_K: has no effect alone"),
     ],
 )
-def test_each_is_refused(tmp_path, text, name, fact):
-    assert fact in str(refused(load_settings, saved(tmp_path, text, name)))
+def test_each_is_refused(write, text, name, fact):
+    assert fact in str(refused(load_settings, write(name, text)))
 
 
 def test_files_that_cannot_be_read_are_refused(tmp_path):
@@ -127,10 +118,8 @@ def test_files_that_cannot_be_read_are_refused(tmp_path):
     assert "not text" in str(refused(load_settings, str(path)))
 
 
-def test_every_fault_of_the_sensors_is_named_at_once(tmp_path):
-    path = saved(
-        tmp_path,
-        """
+def test_every_fault_of_the_sensors_is_named_at_once(write):
+    text = """
 model: model.json
 zones: {usb: a}
 sensors:
@@ -144,9 +133,8 @@ sensors:
   g: {zone: "a\\nb"}
   h: {power_supply: battery, property: current_now, sign: true}
 supervision: {stuck_after_s: 59, stuck_within_K: 2, jump_K_per_s: .inf, spikes: 3}
-""",
-    )
-    refusal = refused(load_settings, path)
+"""
+    refusal = refused(load_settings, write("c.yaml", text))
     assert [fault.place for fault in refusal.faults] == [
         *("sensors.usb", "sensors.a", "sensors.b", "sensors.c.offset", "sensors.c.zone", "sensors.d.label"),
         *("sensors.e.power_supply", "sensors.e.property", "sensors.e.sign", "sensors.f.sign", "sensors.g.zone"),

@@ -78,17 +78,16 @@ MODELS = {
 
 
 @pytest.mark.parametrize("case", MODELS)
-def test_a_model_file_that_swells_is_refused(case, model_file, tmp_path):
+def test_a_model_file_that_swells_is_refused(case, model_file, write):
     key, pattern, head, tail = MODELS[case]
     rest = {name: value for name, value in json.loads(Path(model_file).read_text()).items() if name != key}
     text = filled(pattern, LARGEST_MODEL, f'{json.dumps(rest)[:-1]}, "{key}": {head}', tail + "}")
     assert LARGEST_MODEL / 2 < len(text) <= LARGEST_MODEL
-    (tmp_path / "hostile.json").write_text(text)
-    refusal("check", "--model", tmp_path / "hostile.json")
+    refusal("check", "--model", write("hostile.json", text))
 
 
 @pytest.mark.slow
-def test_the_most_that_a_model_may_ask_for_is_computed_in_time(model_file, tmp_path):
+def test_the_most_that_a_model_may_ask_for_is_computed_in_time(model_file, write):
     """Every count at its limit, powers of A that take all doublings, and periods that are many of the shortest."""
     data = json.loads(Path(model_file).read_text())
     states, periods = 16, [*[k / 1000 for k in range(1, 16)], 1]
@@ -115,8 +114,7 @@ def test_the_most_that_a_model_may_ask_for_is_computed_in_time(model_file, tmp_p
     while len(text) > LARGEST_MODEL:
         data["fallbacks"].pop()
         text = json.dumps(data, separators=(",", ":"))
-    (tmp_path / "hostile.json").write_text(text)
-    done = ambientd("check", "--model", tmp_path / "hostile.json")
+    done = ambientd("check", "--model", write("hostile.json", text))
     assert done.returncode in (0, 1), done.stderr[-500:]
     assert "conformance" in done.stdout
     assert "Traceback" not in done.stderr
@@ -146,9 +144,8 @@ def test_what_has_no_end_is_no_model_configuration_or_state(kind, model_file, ma
     assert notes[0].startswith(f"state {path}: ")
 
 
-def test_neither_an_endless_device_nor_a_header_of_a_megabyte_is_a_trace(model_file, tmp_path):
-    wide = tmp_path / "wide.csv"
-    wide.write_text(",".join(["time_s", *(f"{k:x}_A" for k in range(100_000))]) + "\n")
+def test_neither_an_endless_device_nor_a_header_of_a_megabyte_is_a_trace(model_file, write, tmp_path):
+    wide = write("wide.csv", ",".join(["time_s", *(f"{k:x}_A" for k in range(100_000))]) + "\n")
     assert "no column 'usb_degC'" in refusal("replay", model_file, wide, "-o", tmp_path / "out.csv")
     assert "/dev/zero: line 1: " in refusal("replay", model_file, "/dev/zero", "-o", tmp_path / "out.csv")
     assert not (tmp_path / "out.csv").exists()
@@ -182,11 +179,10 @@ CONFIGS = {
 
 
 @pytest.mark.parametrize("case", CONFIGS)
-def test_a_hostile_configuration_is_refused(case, tmp_path):
+def test_a_hostile_configuration_is_refused(case, write):
     text, fact = CONFIGS[case]
     assert len(text) <= LARGEST_CONFIG
-    path = tmp_path / f"hostile.{'json' if case.startswith('JSON') else 'yaml'}"
-    path.write_text(text)
+    path = write(f"hostile.{'json' if case.startswith('JSON') else 'yaml'}", text)
     assert fact in refusal("check", "--config", path)
 
 

@@ -65,7 +65,7 @@ class Constant(NamedTuple):
 
 
 @pytest.fixture
-def copied(tmp_path):
+def copied(write, tmp_path):
     """Copy the package, add files to it, and run it with a configuration."""
     folder = tmp_path / "copied"
     shutil.copytree(Path(ambientd.__file__).parent, folder / "ambientd")
@@ -75,9 +75,8 @@ def copied(tmp_path):
         for name, text in added.items():
             (folder / "ambientd" / name.replace("__", "/")).with_suffix(".py").write_text(text)
         assert {path: (folder / path).read_bytes() for path in before} == before
-        (tmp_path / "c.json").write_text(json.dumps(configuration))
         paths = [str(folder), *(each for each in sys.path if each.endswith("shared"))]
-        call = [sys.executable, "-m", "ambientd", *arguments, "--config", tmp_path / "c.json"]
+        call = [sys.executable, "-m", "ambientd", *arguments, "--config", write("c.json", json.dumps(configuration))]
         return ran(*call, cwd=tmp_path, env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)}, status=status)
 
     return run

@@ -22,12 +22,8 @@ WITHOUT_CHOWN = (
 
 
 @pytest.fixture
-def loaded(tmp_path):
-    def load(text):
-        (tmp_path / "c.yaml").write_text(f"model: m.json\n{text}")
-        return load_settings(str(tmp_path / "c.yaml"))
-
-    return load
+def loaded(write):
+    return lambda text: load_settings(write("c.yaml", f"model: m.json\n{text}"))
 
 
 def test_a_publication_overrides_what_holds_for_all(loaded):

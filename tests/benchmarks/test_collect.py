@@ -3,6 +3,7 @@
 The laboratory is simulated, on pseudo-terminals and a real shell; its clock is the machine's.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ MOST_S = 0.05
 """What issue and README promise."""
 
 
-def _campaign(tmp_path: Path) -> str:
+def _campaign(write: Callable[[str, str], str]) -> str:
     laboratory = yaml.safe_load((Path(scenario_path("1")).parent / "laboratory.yaml").read_text())
     instruments = laboratory["instruments"]
     instruments["chamber"].update(period_s=PERIOD_S, timeout_s=10.0)
@@ -32,17 +33,15 @@ def _campaign(tmp_path: Path) -> str:
     laboratory["device"]["period_s"] = PERIOD_S
     steps = [{"duration_min": RUN_MIN, "chamber_degC": 25}]
     head = {"format": "ambient-campaign", "version": 1, "about": "a benchmark"}
-    path = tmp_path / "benchmark.yaml"
-    path.write_text(yaml.safe_dump({**head, "laboratory": laboratory, "steps": steps}))
-    return str(path)
+    return write("benchmark.yaml", yaml.safe_dump({**head, "laboratory": laboratory, "steps": steps}))
 
 
 @pytest.mark.parametrize(
     ("slow", "others"),
     [("none", (DEVICE, MULTIPLEXER)), ("chamber", (DEVICE, MULTIPLEXER)), ("multiplexer", (DEVICE,))],
 )
-def test_lateness(benchmark, tmp_path, noted, slow, others) -> None:
-    loaded = load_campaign(_campaign(tmp_path), ports=False)
+def test_lateness(benchmark, write, tmp_path, noted, slow, others) -> None:
+    loaded = load_campaign(_campaign(write), ports=False)
 
     def run() -> list[Sample]:
         with simulated_laboratory(loaded, Clock()) as there:

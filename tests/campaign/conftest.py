@@ -282,16 +282,14 @@ def clock(tmp_path: Path) -> Clock:
 
 
 @pytest.fixture
-def config(tmp_path: Path, model_file: str, zones: Zones) -> Callable[..., Path]:
+def config(write: Callable[[str, str], str], model_file: str, zones: Zones) -> Callable[..., str]:
     """A configuration for the device at 1 Hz that publishes to some outputs, with some keys as given."""
 
-    def write(outputs: Outputs, **keys: Any) -> Path:
-        path = tmp_path / "ambientd.json"
+    def written(outputs: Outputs, **keys: Any) -> str:
         data = {"model": model_file, "sysfs_root": str(zones.root), "rate_hz": 1, "publish": outputs.publish()}
-        path.write_text(json.dumps({**data, **keys}))
-        return path
+        return write("ambientd.json", json.dumps({**data, **keys}))
 
-    return write
+    return written
 
 
 @pytest.fixture

@@ -14,23 +14,20 @@ COMMENTED = re.compile(r"^( *)# ((?:[a-zA-Z_]+: |- )[^ ].*)$")
 SETTINGS = [number for number, line in enumerate(LINES) if COMMENTED.match(line)]
 
 
-def loaded(tmp_path, uncommented):
+def loaded(write, uncommented):
     lines = [COMMENTED.sub(r"\1\2", line) if number in uncommented else line for number, line in enumerate(LINES)]
-    path = tmp_path / "ambientd.yaml"
-    path.write_text("\n".join(lines) + "\n")
-    return load_settings(str(path))
+    return load_settings(write("ambientd.yaml", "\n".join(lines) + "\n"))
 
 
 @pytest.mark.parametrize("number", SETTINGS, ids=[LINES[number].strip("# ").split(":")[0] for number in SETTINGS])
-def test_each_commented_line_is_valid_without_its_hash(number, tmp_path):
-    loaded(tmp_path, [number])
+def test_each_commented_line_is_valid_without_its_hash(number, write):
+    loaded(write, [number])
 
 
-def test_all_together_are_valid_and_leave_no_key_out(tmp_path):
-    loaded(tmp_path, SETTINGS)
-    wrong = tmp_path / "wrong.json"
-    wrong.write_text('{"nonsense": 1, "publish": [{"kind": "file", "path": "x", "nonsense": 1}]}')
-    refusal = str(refused(load_settings, str(wrong)))
+def test_all_together_are_valid_and_leave_no_key_out(write):
+    loaded(write, SETTINGS)
+    wrong = write("wrong.json", '{"nonsense": 1, "publish": [{"kind": "file", "path": "x", "nonsense": 1}]}')
+    refusal = str(refused(load_settings, wrong))
     said = "\n".join(LINES)
     known = re.findall(r"nonsense: unknown key; known are (.*)", refusal)
     assert len(known) == 2

@@ -116,14 +116,13 @@ def start(harness, tmp_path, spawn):
 
 
 def test_throttling_starts_and_ends_with_the_published_value_and_starts_at_a_fault(
-    start, weather, spawn, deployed, model_file, until, tmp_path
+    start, weather, spawn, deployed, model_file, until, write
 ):
     hal = start()
     config = json.loads((DEPLOY / "android" / "ambientd.json").read_text())
     config["publish"] = [{**config["publish"][0], "path": str(hal.published)}]
     config["model"] = str(model_file)
-    written = tmp_path / "ambientd.json"
-    written.write_text(json.dumps(config))
+    written = write("ambientd.json", json.dumps(config))
 
     def seen_at(millidegC):
         """What is published, as the HAL reads it; the virtual sensor's severity, and the cooling device's state."""

@@ -38,16 +38,15 @@ def thermald(tmp_path, program, spawn):
 
 
 def test_the_cooling_device_follows_the_published_ambient_and_cools_after_a_fault(
-    thermald, weather, spawn, until, deployed, model_file, tmp_path
+    thermald, weather, spawn, until, deployed, model_file, write, tmp_path
 ):
     published, state = tmp_path / "ambient_temp", tmp_path / "state"
     state.write_text("0")
-    config = tmp_path / "ambientd.json"
     # the file that the shipped configuration publishes for thermald, elsewhere
     publish = load_settings(str(DEPLOY / "ambientd.yaml")).publish
     [options] = [spec.options._asdict() for spec in publish if spec.path == "/run/ambientd/ambient_temp"]
     ours = {"kind": "file", "path": str(published), **options}
-    config.write_text(json.dumps({"model": str(model_file), "publish": [ours]}))
+    config = write("ambientd.json", json.dumps({"model": str(model_file), "publish": [ours]}))
     run = deployed("run", "--config", config, "--replay", weather.trace, "--speed", "0")
     weather.start(spawn, run, ambient_degC=23.0)
     until(lambda: published.exists() and published.read_text() == "23000\n", "nothing was published")

@@ -48,9 +48,8 @@ def test_it_holds_the_daemon_and_the_model_and_nothing_else(zipapp):
     assert set(names) - {"LICENSE", "__main__.py"} == on_disk
 
 
-def test_a_yaml_configuration_is_refused_with_the_way_out(deployed, tmp_path, model_file):
-    (tmp_path / "ambientd.yaml").write_text(f"model: {model_file}\n")
-    done = run(deployed("run", "--config", tmp_path / "ambientd.yaml"), status=1)
+def test_a_yaml_configuration_is_refused_with_the_way_out(deployed, write, model_file):
+    done = run(deployed("run", "--config", write("ambientd.yaml", f"model: {model_file}\n")), status=1)
     assert "or write the same keys as JSON into a file that ends with .json" in done.stderr
     assert "Traceback" not in done.stderr
 

@@ -45,16 +45,14 @@ def test_a_campaign_is_not_overwritten_by_its_trace(call, short, tmp_path):
 
 
 @pytest.fixture
-def short(tmp_path):
+def short(write):
     """A campaign of six minutes on the shipped laboratory."""
     shipped = Path(scenario_path("1")).with_name("laboratory.yaml")
     text = shipped.read_text().replace("ambient_lost_s: 300", "ambient_lost_s: 1200")  # a loaded machine stalls
-    (tmp_path / "lab.yaml").write_text(text)
+    write("lab.yaml", text)
     steps = [{"duration_min": 3, "chamber_degC": 25}, {"duration_min": 3, "chamber_degC": 25, "load": ["cpu_50"]}]
-    path = tmp_path / "short.yaml"
     data = {"format": "ambient-campaign", "version": 1, "about": "mine", "laboratory": "lab.yaml", "steps": steps}
-    path.write_text(yaml.safe_dump(data))
-    return path
+    return write("short.yaml", yaml.safe_dump(data))
 
 
 def test_a_simulated_run_prints_lines_and_a_summary(short, tmp_path):

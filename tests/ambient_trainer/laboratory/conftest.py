@@ -110,10 +110,10 @@ def laboratory_data() -> dict:
 
 
 @pytest.fixture
-def campaign_file(tmp_path, laboratory_data):
+def campaign_file(write, laboratory_data):
     """Write a campaign file: changes to the laboratory by dotted place, steps, and further keys."""
 
-    def write(steps=None, changes=None, name="night.yaml", **further) -> str:
+    def written(steps=None, changes=None, name="night.yaml", **further) -> str:
         for place, value in (changes or {}).items():
             *path, last = place.split(".")
             part = laboratory_data
@@ -128,11 +128,9 @@ def campaign_file(tmp_path, laboratory_data):
             "steps": [{"duration_min": 1, "chamber_degC": 20}] if steps is None else steps,
             **further,
         }
-        path = tmp_path / name
-        path.write_text(yaml.safe_dump({key: value for key, value in data.items() if value is not None}))
-        return str(path)
+        return write(name, yaml.safe_dump({key: value for key, value in data.items() if value is not None}))
 
-    return write
+    return written
 
 
 in_real_time = pytest.mark.slow

@@ -86,10 +86,8 @@ def test_what_is_a_chambers_is_refused_without_one_and_something_measures_the_am
         ("laboratory: {instruments: {chamber: 5, 6: 7}, device: {zones: [1]}, safety: 4}\n", "faults"),
     ],
 )
-def test_what_is_no_campaign_at_all(text, part, tmp_path):
-    path = tmp_path / "night.yaml"
-    path.write_text(text)
-    assert part in str(refused(load_campaign, str(path)))
+def test_what_is_no_campaign_at_all(text, part, write):
+    assert part in str(refused(load_campaign, write("night.yaml", text)))
 
 
 def test_a_change_of_the_laboratorys_own_file_is_noticed(campaign_file, tmp_path, laboratory_data):

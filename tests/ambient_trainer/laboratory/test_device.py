@@ -153,11 +153,10 @@ def test_actions_cannot_eat_what_comes_after_them(shell):
     assert shell.run("echo '=99 0 lie'; answer='a b'").text == "a b"
 
 
-def test_a_terminal_that_echoes_is_not_taken_for_an_answer(tmp_path, closed):
+def test_a_terminal_that_echoes_is_not_taken_for_an_answer(write, closed):
     """An old adb has no -T, and gives a terminal: what is typed comes back, and lines end in CR LF."""
-    script = tmp_path / "terminal.py"
-    script.write_text("import pty\npty.spawn(['sh'])\n")
-    shell = closed(Shell(Connection(("python3", str(script)), "old adb", dict(os.environ)), Clock(), 10.0))
+    script = write("terminal.py", "import pty\npty.spawn(['sh'])\n")
+    shell = closed(Shell(Connection(("python3", script), "old adb", dict(os.environ)), Clock(), 10.0))
     assert [shell.run(f"answer={number}").text for number in (28, 29)] == ["28", "29"]
 
 

@@ -110,12 +110,11 @@ def test_a_runs_time_goes_on_in_a_suspension_and_no_stepped_calendar_moves_it_bu
         ("HEAD\n7\n", "line 2"),
     ],
 )
-def test_what_is_no_journal_is_refused(text, place, tmp_path):
-    path = tmp_path / "t.part"
+def test_what_is_no_journal_is_refused(text, place, write):
     head = json.dumps({"format": "ambient-journal", "version": 1, **HEAD._asdict()})
-    path.write_text(text.replace("HEAD", head))
+    path = write("t.part", text.replace("HEAD", head))
     with pytest.raises(Refused, match=place):
-        read_journal(str(path))
+        read_journal(path)
 
 
 def test_nothing_is_acknowledged_before_the_disk_has_it(tmp_path, monkeypatch):

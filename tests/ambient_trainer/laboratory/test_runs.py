@@ -196,15 +196,14 @@ MQTT = {"kind": "mqtt-topic", "port": "mqtt://nowhere", "topic": "home/desk"}
 
 
 @pytest.mark.parametrize("reference", ["host-sensors", "mqtt-topic"])
-def test_on_a_desk_there_is_no_chamber(tmp_path, reference):
+def test_on_a_desk_there_is_no_chamber(write, tmp_path, reference):
     """It loads, waits until the device is settled, and watches the sensors of this machine, or a topic."""
     desk = yaml.safe_load(Path(scenario_path("desk")).read_text())
     if reference == "mqtt-topic":
         desk["laboratory"].update(instruments={"thermometer": MQTT}, ambient={"probes": ["thermometer"]})
     desk["before"] = [{"settle": {"within_K": 2, "drift_K": 3, "for_min": 1, "at_most_min": 5}}]
     desk["steps"] = minutes((1, None, ["cpu_100"]), (1, None))
-    (tmp_path / "desk.yaml").write_text(yaml.safe_dump(desk))
-    lab = Night(str(tmp_path / "desk.yaml"), tmp_path / "trace.csv")
+    lab = Night(write("desk.yaml", yaml.safe_dump(desk)), tmp_path / "trace.csv")
     lab.run()
     assert (lab.outcome.ending, lab.outcome.safe, lab.activity) == (Ending.FINISHED, True, "idle")
     trace = lab.trace

@@ -145,11 +145,10 @@ def test_instruments_round_and_err_as_stated():
     assert np.std(errors) == pytest.approx(0.1 / np.sqrt(4), rel=0.1)
 
 
-def test_a_device_file_with_other_calibrated_numbers_keeps_all_else(tmp_path):
+def test_a_device_file_with_other_calibrated_numbers_keeps_all_else(write):
     constants = load_constants()
     assert len(constants) > 40
     values = {name: rounded(np.sqrt(each.low * each.high)) for name, each in constants.items()}
-    path = tmp_path / "phone.yaml"
-    path.write_text(with_calibrated(Path(device_path("phone")).read_text(), values))
-    assert {name: each.value for name, each in load_constants(str(path)).items()} == values
-    assert load_device(str(path)) == load_device().with_values(values)
+    path = write("phone.yaml", with_calibrated(Path(device_path("phone")).read_text(), values))
+    assert {name: each.value for name, each in load_constants(path).items()} == values
+    assert load_device(path) == load_device().with_values(values)

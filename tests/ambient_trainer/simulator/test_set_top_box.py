@@ -90,14 +90,13 @@ def test_a_user_s_device_and_scenario_are_one_file_each(trainer, tmp_path):
     assert trace.column("core_degC")[-1] > air[-1] + 8
 
 
-def test_a_faulty_device_is_refused_with_every_place(tmp_path):
+def test_a_faulty_device_is_refused_with_every_place(write):
     text = Path(device_path("phone")).read_text()
-    path = tmp_path / "phone.yaml"
-    path.write_text(text.replace("low: 0.024", "low: 0.3"))
+    path = write("phone.yaml", text.replace("low: 0.024", "low: 0.3"))
     with pytest.raises(Refused, match=r"activities\.idle\.heat_W\.soc"):
-        load_device(str(path))
-    path.write_text(text.replace("near: flash", "near: moon").replace("sensors: [soc", "sensors: [sun"))
-    assert {*refused_places(load_device, str(path))} == {"zones.flash", "sensors"}
+        load_device(path)
+    write("phone.yaml", text.replace("near: flash", "near: moon").replace("sensors: [soc", "sensors: [sun"))
+    assert {*refused_places(load_device, path)} == {"zones.flash", "sensors"}
     with pytest.raises(Refused, match="phone, set_top_box"):
         load_device("toaster")
     with pytest.raises(Refused, match="streaming"):

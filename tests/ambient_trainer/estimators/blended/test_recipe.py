@@ -37,16 +37,15 @@ def changed(**places: Any) -> Any:
     return data
 
 
-def test_an_observer_is_found_by_name_or_file_with_its_circuit_and_a_circuit_is_none(tmp_path, observer_file):
+def test_an_observer_is_found_by_name_or_file_with_its_circuit_and_a_circuit_is_none(write, observer_file):
     assert recipe_names() == ("phone_observer",)
     recipe, circuit = find_recipe("phone_observer")
     assert circuit.name == "phone"
     assert recipe.sensor_columns == tuple(f"{each}_degC" for each in ("soc", "flash", "battery", "usb", "display"))
     assert recipe.drive_columns == ("soc_power_W", "battery_current_A", "cpu_load_frac")
-    (tmp_path / "circuit.yaml").write_text("format: ambient-circuit\n")
     assert find_recipe("phone") is None
     assert find_recipe("free-2") is None
-    assert find_recipe(str(tmp_path / "circuit.yaml")) is None
+    assert find_recipe(write("circuit.yaml", "format: ambient-circuit\n")) is None
     recipe, circuit = find_recipe(observer_file)
     assert (recipe.name, circuit.name) == ("brick_observer", "brick")
 
