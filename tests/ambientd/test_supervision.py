@@ -60,7 +60,12 @@ STUCK_BEFORE = [*each_second(700, lambda k: [30.0 + k / 100, 25.0]), (700.0, [No
 STUCK_BEFORE += each_second(10, lambda k: [30.0, 25.0], 4000.0)
 FLICKERS = each_second(1000, lambda k: [30.0 + k / 100, 25.44 + 0.03 * (k % 3)])
 OTHERS_COME = each_second(700, lambda k: [None if k < 50 else 30.0 + k / 100, 25.0])
+OTHERS_FLICKER = each_second(5000, lambda k: [30.0 + 0.9 * (k % 2), 25.0, 40.0 + 1.9 * (k % 3 == 0)])
+NOW_AND_THEN = each_second(5000, lambda k: [30.0 + k / 100, 25.0 + k // 500, 40.0])
+KEEPS_JUMPING = each_second(5000, lambda k: [70.0 if k % 30 > 26 else 30.0, 25.0])
+LEAVES_ITS_RANGE = each_second(5000, lambda k: [125.0 if k % 30 > 26 else 30.0, 25.0])
 PAIR, WITHIN = [USB, BATTERY], STUCK._replace(stuck_within_K=0.1)
+ALL, UNCALM = [*PAIR, SOC], [now_s for now_s in seconds(27, 5000) if (now_s - 27) % 30 < 13]
 # the inputs, the rules, the moments, and per index when it is not believed
 NOT_BELIEVED = {
     "a spike is set aside until ten seconds are calm": (PAIR, JUMPS, SPIKE, {1: seconds(2, 13)}),
@@ -68,13 +73,19 @@ NOT_BELIEVED = {
     "a coarse sensor read often does not jump": ([USB], Rules(jump_K_per_s=2.0), COARSE, {}),
     "a current may jump": ([CURRENT, USB], BOTH, CURRENT_JUMPS, {}),
     "a current may stand still": ([CURRENT, USB], BOTH, CURRENT_STANDS, {}),
-    "what stands still is stuck until it moves": ([*PAIR, SOC], STUCK, STANDS, {1: seconds(601, 900)}),
+    "what stands still is stuck until it moves": (ALL, STUCK, STANDS, {1: seconds(601, 900)}),
     "one other of three that moves is not enough": ([*PAIR, CASE, SOC], STUCK, ONE_MOVES, {}),
     "the same on both sides of a suspend is not stuck": (PAIR, STUCK, SUSPENDED, {}),
     "stuck before a suspend and after it": (PAIR, STUCK, STUCK_BEFORE, {1: seconds(601, 700) + seconds(4000, 4010)}),
     "a dead sensor that flickers does not stand still": (PAIR, STUCK, FLICKERS, {}),
     "within a width it does": (PAIR, WITHIN, FLICKERS, {1: seconds(601, 1000)}),
     "others that come after it began to stand count": (PAIR, STUCK, OTHERS_COME, {1: seconds(601, 700)}),
+    "where all is quiet none is stuck": (ALL, STUCK, each_second(5000, lambda k: [30.0, 25.0, 40.0]), {}),
+    "nor where the others flicker": (ALL, STUCK, OTHERS_FLICKER, {}),
+    "nor without others": (ALL, STUCK, each_second(5000, lambda k: [None, 25.0, None]), {}),
+    "what moves now and then is not stuck, one of two others is": (ALL, STUCK, NOW_AND_THEN, {2: seconds(601, 5000)}),
+    "what jumps is no witness": (PAIR, BOTH._replace(jump_K_per_s=5.0), KEEPS_JUMPING, {0: UNCALM}),
+    "what leaves its range is no witness": (PAIR, Rules(stuck_after_s=60.0), LEAVES_ITS_RANGE, {}),
 }
 
 
@@ -97,22 +108,6 @@ def test_what_changes_within_the_limit_never_jumps(steps):
             since_s = 0.0
             moments.append((now_s, [value]))
     assert doubted([USB], JUMPS, moments) == {}
-
-
-# the rules, and the readings of two or three sensors in each second, by what makes the second of them no stuck one
-NOT_STUCK = {
-    "all quiet": (STUCK, lambda k: [30.0, 25.0, 40.0]),
-    "the others flicker": (STUCK, lambda k: [30.0 + 0.9 * (k % 2), 25.0, 40.0 + 1.9 * (k % 3 == 0)]),
-    "no others": (STUCK, lambda k: [None, 25.0, None]),
-    "it moves now and then, and one of two others does not": (STUCK, lambda k: [30.0 + k / 100, 25.0 + k // 500, 40.0]),
-    "no witness: it jumps": (BOTH._replace(jump_K_per_s=5.0), lambda k: [70.0 if k % 30 > 26 else 30.0, 25.0]),
-    "no witness: it leaves its range": (Rules(stuck_after_s=60.0), lambda k: [125.0 if k % 30 > 26 else 30.0, 25.0]),
-}
-
-
-@pytest.mark.parametrize(("rules", "readings"), NOT_STUCK.values(), ids=NOT_STUCK)
-def test_a_quiet_device_is_not_stuck_and_what_is_not_believed_is_no_witness(rules, readings):
-    assert 1 not in doubted([USB, BATTERY, SOC][: len(readings(0))], rules, each_second(5000, readings))
 
 
 def test_the_dead_zone_of_a_real_phone_is_set_aside_and_no_other(beside):
