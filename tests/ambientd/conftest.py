@@ -211,7 +211,7 @@ def write_trace(write: Callable[[str, str], str]) -> WriteTrace:
 @pytest.fixture
 def trace_file(write_trace: WriteTrace) -> str:
     """Ten minutes at 1 Hz, warming."""
-    rows = [(float(k), 30 + 5 * (1 - math.exp(-k / 80)), 25 + 3 * math.sin(k / 50)) for k in range(600)]
+    rows = [(100.0 + k, 30 + 5 * (1 - math.exp(-k / 80)), 25 + 3 * math.sin(k / 50)) for k in range(600)]
     return write_trace(rows)
 
 
