@@ -50,26 +50,24 @@ def test_a_run_leaves_a_trace_and_a_safe_chamber(night):
     assert np.nanmean(probes.mean(axis=0)) == pytest.approx(np.nanmean(probes[0]), abs=0.3)
 
 
+LOST, HOT = {"safety.ambient_lost_s": 120}, {"safety.device_high_degC": {"soc_degC": 60.0}}
+SILENT = "ambient: no probe answered for 1"
+
+
 @pytest.mark.parametrize(
-    "deed",
+    ("safety", "deed", "why"),
     [
-        lambda there: there.multiplexer.unplug(),
-        lambda there: [open_probe(there.multiplexer.probes[channel]) for channel in (101, 102, 103)],
+        (LOST, lambda there: there.multiplexer.unplug(), SILENT),
+        (LOST, lambda there: [open_probe(there.multiplexer.probes[k]) for k in (101, 102, 103)], SILENT),
+        (HOT, lambda there: None, "device: soc_degC is "),
     ],
 )
-def test_probes_that_are_lost_end_the_run_safely(night, deed):
-    lab = night(minutes((20, 40)), {"safety.ambient_lost_s": 120})
+def test_probes_that_are_lost_or_a_hot_device_end_the_run_safely(night, safety, deed, why):
+    lab = night(minutes((2, 30), (20, 30, ["cpu_100"])), safety)
     lab.run([(60.0, deed)])
-    assert (lab.outcome.ending, lab.held_degC) == (Ending.LIMIT, 20.0)
-    assert lab.outcome.why.startswith("ambient: no probe answered for 1")
-    assert lab.trace.notes["complete"].startswith("no: ambient: ")
-
-
-def test_a_hot_device_ends_the_run_safely(night):
-    lab = night(minutes((2, 30), (20, 30, ["cpu_100"])), {"safety.device_high_degC": {"soc_degC": 60.0}})
-    lab.run()
     assert (lab.outcome.ending, lab.held_degC, lab.activity) == (Ending.LIMIT, 20.0, "idle")
-    assert lab.outcome.why.startswith("device: soc_degC is ")
+    assert lab.outcome.why.startswith(why)
+    assert lab.trace.notes["complete"].startswith(f"no: {why}")
 
 
 @in_real_time
