@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambient_trainer.laboratory.campaign import Action, load_campaign
-from ambient_trainer.laboratory.instruments import ChamberLimits, settings
+from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.instruments import voetsch_vt4004 as voetsch
 from ambient_trainer.laboratory.messages import Clock, Failure, LoadState, Reading
 from ambient_trainer.laboratory.shell import connection_to
@@ -23,16 +23,14 @@ SHIPPED = load_campaign(scenario_path("1"), ports=False).campaign.laboratory
 class Controlled:
     """A simulated chamber, or a device, under control."""
 
-    def __init__(self, until):
+    def __init__(self, until, driver_of):
         self.posted: queue.Queue = queue.Queue()
-        self.until = until
+        self.until, self.driver_of = until, driver_of
 
     def chamber(self, target):
         self.clock = Clock(100.0)
         self.simulated = voetsch.Simulated(settings("voetsch-vt4004", port=""), self.clock)
-        port = self.simulated.port
-        limits = ChamberLimits(low_degC=-20.0, high_degC=60.0)
-        driver = voetsch.Driver(settings("voetsch-vt4004", port=port), self.clock, limits)
+        driver = self.driver_of(settings("voetsch-vt4004", port=self.simulated.port), self.clock)
         self.control = ChamberControl(driver, self.clock, self.posted.put, 10.0, target, 120.0)
         self.control.start()
         self.until(lambda: self.control.confirmed)
@@ -60,8 +58,8 @@ class Controlled:
 
 
 @pytest.fixture
-def kept(until, closed):
-    return lambda: closed(Controlled(until))
+def kept(until, closed, driver_of):
+    return lambda: closed(Controlled(until, driver_of))
 
 
 def test_a_pulled_cable_a_lost_answer_and_somebody_else_leave_the_target_in_force(kept):

@@ -198,19 +198,17 @@ class Multiplexer(Far):
 
     asked_with, ending = b"\n", "\r\n"
 
-    def __init__(self, model="34970A", maker="Agilent Technologies", **line):
-        self.model, self.maker = model, maker
+    def __init__(self, model="34970A", **line):
+        self.model = model
         self.sensors, self.scanned, self.errors, self.open_channels, self.with_channels = {}, [], [], set(), False
         self.air = lambda: 20.0
-        self.received = []
         super().__init__(**line)
 
     def reply(self, line):
-        self.received.append(line)
         head, _, rest = line.partition(" ")
         channels = [int(each) for each in re.findall(r"\b\d{3}\b", rest.partition("@")[2])]
         if head == "*IDN?":
-            return f"{self.maker},{self.model},MY44000001,1.17-1.12-02-02"
+            return f"Agilent Technologies,{self.model},MY44000001,1.17-1.12-02-02"
         if head == "SYST:ERR?":
             return self.errors.pop(0) if self.errors else '+0,"No error"'
         if head == "READ?" and self.scanned:
