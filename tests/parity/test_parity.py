@@ -1,6 +1,5 @@
 """The device's recursion and the numpy path say the same of thousands of samples, to 1e-9 degC."""
 
-import subprocess
 import sys
 
 import numpy as np
@@ -26,6 +25,7 @@ from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.readings import reading_model
 from ambient_trainer.estimators.registry import CircuitEstimator
 from ambient_trainer.simulator.simulate import simulate
+from processes import ran
 
 SAMPLES = 12_000
 """At each period, among them 20 steps of load; errors of a recursion show within its time constants."""
@@ -161,8 +161,7 @@ def test_secondary_estimator_and_error_variance(period_s, fits, second, guarded,
     paths = [str(tmp_path / name) for name in ("model.json", "trace.csv", "out.csv")]
     save_model(paths[0], guarded)
     write_trace(paths[1], fits["free-3"].inputs, ((k * period_s, row) for k, row in enumerate(u.T.tolist())))
-    command = [sys.executable, "-m", "ambientd", "replay", paths[0], paths[1], "-o", paths[2]]
-    subprocess.run(command, check=True, capture_output=True)
+    ran(sys.executable, "-m", "ambientd", "replay", paths[0], paths[1], "-o", paths[2])
     said = pd.read_csv(paths[2])
     for name, values in {"ambient_degC": y, "low_degC": y - 1.5 * sigma, "high_degC": y + 1.8 * sigma}.items():
         assert np.abs(said[name] - values).max() < TOLERANCE_DEGC

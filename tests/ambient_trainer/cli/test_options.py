@@ -2,7 +2,6 @@
 
 import importlib
 import re
-import subprocess
 import sys
 from unittest.mock import Mock
 
@@ -15,6 +14,7 @@ from ambient_trainer.cli.options import names
 from ambient_trainer.data.plugins import plugin_names
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.estimators.registry import LIBRARY, estimator, estimator_names
+from processes import ran
 
 
 def test_a_list_of_sensors_is_taken_with_and_without_the_unit():
@@ -38,9 +38,8 @@ print(sorted({{"numpy", "scipy", "plotly", "pandas", "sklearn"}} & set(sys.modul
 
 def helped(calls: list[list[str]]) -> str:
     """The help of each call, after which nothing heavy may have been imported."""
-    run = [sys.executable, "-c", HELP.format(calls=calls)]
-    done = subprocess.run(run, capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stderr) == (0, "[]\n")
+    done = ran(sys.executable, "-c", HELP.format(calls=calls))
+    assert done.stderr == "[]\n"
     return done.stdout
 
 
