@@ -43,11 +43,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
 @pytest.fixture
 def noted(request: pytest.FixtureRequest) -> Callable[[str, str, float, str], None]:
     """Puts a row into the table at the end: task, method, wall time in s, what came out."""
-
-    def note(task: str, method: str, wall_s: float, result: str) -> None:
-        request.config.stash[ROWS].append((task, method, f"{wall_s:.3g}", result))
-
-    return note
+    rows = request.config.stash[ROWS]
+    return lambda task, method, wall_s, result: rows.append((task, method, f"{wall_s:.3g}", result))
 
 
 def _without(estimator: Estimator, index: int) -> Estimator:

@@ -35,11 +35,7 @@ def build() -> Callable[..., str]:
 def program() -> Callable[[str], str]:
     """The path of a program; where it is not installed, the test skips."""
     path = f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin:/usr/local/sbin"
-
-    def find(name: str) -> str:
-        return shutil.which(name, path=path) or pytest.skip(f"{name} is not installed")
-
-    return find
+    return lambda name: shutil.which(name, path=path) or pytest.skip(f"{name} is not installed")
 
 
 @pytest.fixture(scope="session")

@@ -15,11 +15,7 @@ MOST_EXPOSURE = 1.5
 @pytest.fixture
 def analyze(program):
     """Run systemd-analyze; no running systemd is needed."""
-
-    def run(*arguments):
-        return ran(program("systemd-analyze"), "--no-pager", *arguments, status=None)
-
-    return run
+    return lambda *arguments: ran(program("systemd-analyze"), "--no-pager", *arguments, status=None)
 
 
 def test_systemd_finds_nothing_wrong(analyze):

@@ -27,11 +27,7 @@ def command(call):
 @pytest.fixture(scope="session")
 def process():
     """Run a command line as a process of its own; fails the test where it does."""
-
-    def run(module, *arguments):
-        return ran(sys.executable, "-m", module, *arguments, timeout=None).stdout
-
-    return run
+    return lambda module, *arguments: ran(sys.executable, "-m", module, *arguments, timeout=None).stdout
 
 
 @pytest.fixture(scope="session")
