@@ -34,14 +34,11 @@ def step(cause, onset_s=None, value=1.0, unit="W", ci95=(0.0, 0.0), gain=(0.1, 0
     return Step(cause, onset_s, None, magnitude, 1.0, Gain(1.0, 0.5, gain, 0.0), (), "said", {}, np.zeros((1, 100)))
 
 
-@pytest.fixture
-def scored():
-    return lambda truths, *steps: score(
-        truths, 6.0, SimpleNamespace(time_s=TIME_S, steps=steps), PHONE, load_device(), 1.5
-    )
+def scored(truths, *steps):
+    return score(truths, 6.0, SimpleNamespace(time_s=TIME_S, steps=steps), PHONE, load_device(), 1.5)
 
 
-def test_one_effect_is_named_by_the_first_step(scored):
+def test_one_effect_is_named_by_the_first_step():
     found = scored([HEAT], step(FOUND_HEAT, gain=(0.3, 0.4)), step(FOUND_BIAS))
     assert found.correct
     assert (found.true, found.found) == ((FOUND_HEAT,), (FOUND_HEAT, FOUND_BIAS))
@@ -63,7 +60,7 @@ def test_one_effect_is_named_by_the_first_step(scored):
         Cause(UNKNOWN),
     ],
 )
-def test_cause_location_and_signal_have_to_agree(scored, cause):
+def test_cause_location_and_signal_have_to_agree(cause):
     found = scored([HEAT], step(cause))
     assert not found.correct
     assert (found.magnitude_error_frac, found.magnitude_right, found.onset_right) == (None, None, None)
@@ -82,18 +79,18 @@ def test_cause_location_and_signal_have_to_agree(scored, cause):
         ([HEAT, BIAS], [FOUND_HEAT, Cause("sensor_bias", "usb")], False),
     ],
 )
-def test_of_several_all_have_to_be_there_in_any_order(scored, truths, found, correct):
+def test_of_several_all_have_to_be_there_in_any_order(truths, found, correct):
     assert scored(truths, *map(step, found)).correct is correct
     assert scored([]).gain_ci is None
 
 
 @pytest.mark.parametrize(("found_s", "right"), [(380.0, True), (620.0, True), (379.0, False), (621.0, False)])
-def test_an_onset_may_be_off_by_two_minutes(scored, found_s, right):
+def test_an_onset_may_be_off_by_two_minutes(found_s, right):
     found = scored([BIAS], step(FOUND_BIAS, found_s, 2.0, "degC"))
     assert (found.onset_error_s, found.onset_right) == (found_s - 500.0, right)
 
 
-def test_since_ever_is_since_the_trace_began(scored):
+def test_since_ever_is_since_the_trace_began():
     assert scored([LAW], step(Cause("convection_law"))).onset_error_s is None
     assert scored([LAW], step(Cause("convection_law"), 55.0)).onset_error_s == 50.0
     assert scored([BIAS], step(FOUND_BIAS)).onset_error_s == -495.0
@@ -113,7 +110,7 @@ def test_since_ever_is_since_the_trace_began(scored):
         (2.0, float("nan"), (1.9, 2.1), "degC", None, None),
     ],
 )
-def test_a_magnitude_may_be_off_by_a_quarter_or_by_its_interval(scored, true, value, ci95, unit, error, right):
+def test_a_magnitude_may_be_off_by_a_quarter_or_by_its_interval(true, value, ci95, unit, error, right):
     found = scored([replace(BIAS, magnitude=true)], step(FOUND_BIAS, 500.0, value, unit, ci95, (0.1, float("inf"))))
     assert (found.magnitude_error_frac, found.magnitude_right) == (pytest.approx(error), right)
     assert (found.correct, found.gain_ci) == (True, None)

@@ -18,31 +18,27 @@ from ambient_trainer.simulator.fleet import drawn, nominal
 
 PERIOD_S = 5.0
 ZONES = load_device().main_zones
+UNIT = nominal(ZONES)
 
 
 def traces(*asked):
     return [each.trace for each in logged([run_of(*each, PERIOD_S) for each in asked], PERIOD_S)]
 
 
-@pytest.fixture(scope="module")
-def unit():
-    return nominal(ZONES)
-
-
-def test_the_nominal_unit_logs_what_the_simulated_phone_does(unit):
-    found = traces((unit, False, "2.5", 3), (unit, True, "2.5", 3))[0]
+def test_the_nominal_unit_logs_what_the_simulated_phone_does():
+    found = traces((UNIT, False, "2.5", 3), (UNIT, True, "2.5", 3))[0]
     expected = simulate("2.5", seed=3, period_s=PERIOD_S).trace
     assert found.columns.keys() == expected.columns.keys()
     for name, values in expected.columns.items():
         np.testing.assert_array_equal(found.columns[name], values)
 
 
-def test_a_gain_acts_about_25_degC_and_an_offset_everywhere(unit):
+def test_a_gain_acts_about_25_degC_and_an_offset_everywhere():
     usb = next(index for index, zone in enumerate(ZONES) if zone.name == "usb")
     moved = ZONES[usb].model_copy(update={"offset_degC": 0.4, "step_degC": 1e-6, "noise_degC": 0.0})
     still = ZONES[usb].model_copy(update={"step_degC": 1e-6, "noise_degC": 0.0})
-    off = replace(unit, zones=(*ZONES[:usb], moved, *ZONES[usb + 1 :]), gains={"usb": 0.02})
-    on = replace(unit, zones=(*ZONES[:usb], still, *ZONES[usb + 1 :]))
+    off = replace(UNIT, zones=(*ZONES[:usb], moved, *ZONES[usb + 1 :]), gains={"usb": 0.02})
+    on = replace(UNIT, zones=(*ZONES[:usb], still, *ZONES[usb + 1 :]))
     skewed, straight = traces((off, False, "3", 3), (on, False, "3", 3))
     plain = straight.columns["usb_degC"]
     np.testing.assert_allclose(skewed.columns["usb_degC"], plain + 0.4 + 0.02 * (plain - 25.0), atol=2e-6)
@@ -50,8 +46,8 @@ def test_a_gain_acts_about_25_degC_and_an_offset_everywhere(unit):
         np.testing.assert_array_equal(skewed.columns[name], straight.columns[name])
 
 
-def test_a_case_keeps_a_phone_warmer_at_rest_and_slower_under_load(unit):
-    asked = [(unit, cased, name, 3) for name in ("1", "2.1") for cased in (False, True)]
+def test_a_case_keeps_a_phone_warmer_at_rest_and_slower_under_load():
+    asked = [(UNIT, cased, name, 3) for name in ("1", "2.1") for cased in (False, True)]
     rise = [trace.columns["battery_degC"] - trace.reference for trace in traces(*asked)]
     assert rise[1].mean() > rise[0].mean() + 0.03
     third = slice(len(rise[2]) // 2, 3 * len(rise[2]) // 4)

@@ -18,10 +18,7 @@ def settings_of(role: str, port: str = "/nowhere/port", **values: Any) -> Any:
 
 @pytest.fixture
 def driver_at(driver_of) -> Callable[..., Any]:
-    def make(role: str, port: str = "/nowhere/port", clock: Clock | None = None, **values: Any):
-        return driver_of(settings_of(role, port, **values), clock)
-
-    return make
+    return lambda role, port="/nowhere/port", clock=None, **values: driver_of(settings_of(role, port, **values), clock)
 
 
 class Bench(NamedTuple):
@@ -47,14 +44,9 @@ class Bench(NamedTuple):
 
 
 @pytest.fixture
-def clock() -> Clock:
-    return Clock(20.0)
-
-
-@pytest.fixture
-def bench(clock, driver_at, closed) -> Callable[..., Bench]:
+def bench(driver_at, closed) -> Callable[..., Bench]:
     def make(role: str, **values: Any) -> Bench:
-        simulated_class = instrument(KINDS[role]).Simulated
+        clock, simulated_class = Clock(20.0), instrument(KINDS[role]).Simulated
         if role == "chamber":
             simulated = simulated_class(settings_of(role), clock, 1)
             simulated.air.at = lambda at_s: 21.5
