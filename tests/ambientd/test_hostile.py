@@ -186,12 +186,6 @@ def test_a_hostile_configuration_is_refused(case, write):
     assert fact in refusal("check", "--config", path)
 
 
-def test_the_limits_are_those_of_a_working_command(model_file):
-    """Otherwise every test here would pass for want of memory."""
-    done = ambientd("check", "--model", model_file)
-    assert (done.returncode, done.stderr) == (0, "")
-
-
 DATA = json.loads((Path(__file__).parents[1] / "data" / "model-v1.json").read_text())
 
 COEFFICIENTS = [
