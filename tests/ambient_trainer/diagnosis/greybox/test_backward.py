@@ -1,5 +1,6 @@
 """Everything at once, and what is needless goes: what shows itself only beside others is found, and nothing else."""
 
+import importlib
 from dataclasses import replace
 from itertools import pairwise
 
@@ -23,6 +24,7 @@ from ambient_trainer.diagnosis.record import records
 
 from ...conftest import in_air
 from .conftest import heat
+from .test_places import PAIR
 
 POINTS = "abcdef"
 
@@ -53,6 +55,34 @@ def test_a_peltier_element_cools_by_its_current_and_warms_by_its_square(circuit,
     found = eliminated(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=named))))
     assert found is not None, seed
     assert {each.key[2] for each in found.model.mechanisms} == {"", "tec_A", "tec_A^2"}, seed
+
+
+def jacketed(seed):
+    """A vessel at rest in a jacket whose heater is turned up and down; something that nobody logs heats it as well."""
+    draw, period_s, samples = np.random.default_rng(seed), 10.0, 1500
+    shares = np.repeat([0.5, 1.0, 0.7], [*(steps := draw.integers(150, 300, 2) * [1, 4]), samples - steps.sum()])
+    power_W, between_W_K, loss_W_K = 16 * shares + draw.uniform(3, 8), draw.uniform(2.5, 4), draw.uniform(0.15, 0.3)
+    room_degC, rows = 26.0 + np.cumsum(draw.normal(0, 0.01, samples)), []
+    jacket = vessel = room_degC[0] + power_W[0] / loss_W_K
+    for into_W, air in zip(power_W, room_degC):
+        rows.append([jacket, vessel])
+        for _ in range(10):
+            flow_W = between_W_K * (jacket - vessel)
+            jacket, vessel = (
+                jacket + period_s / 10 * (into_W - flow_W - loss_W_K * (jacket - air)) / 1500.0,
+                vessel + period_s / 10 * flow_W / 4000.0,
+            )
+    fast, slow = np.array(rows).T + draw.normal(0, 0.03, (2, samples))
+    columns = {"fast_degC": fast, "slow_degC": slow, "ambient_degC": room_degC, "heater_frac": shares}
+    return Trace("jacket", period_s * np.arange(samples), columns)
+
+
+def test_a_circuit_that_never_settles_is_searched_from_its_own_numbers(seed, monkeypatch):
+    module = importlib.import_module("ambient_trainer.diagnosis.diagnose")  # its name is a function's, too
+    nothing = lambda bare, *rest: Selection(bare, bare, (), Step(bare, None, (), 0))  # noqa: E731
+    monkeypatch.setattr(module, "stepwise", nothing)
+    found = {(each.cause.name, each.cause.signal) for each in diagnose(PAIR, [jacketed(seed)]).steps}
+    assert ("heat_source", "heater_frac") in found, seed
 
 
 def test_nothing_is_left_where_nothing_is_hidden(circuit, simulated, recorded):
