@@ -23,6 +23,8 @@ _SHORTEST = 5
 _TIMES, _REFITTED, _APART = 10, 8, 0.4
 """Times that are tried for an end of a window, steps of the fit after it, and how far a delay moves, of itself, or a
 level, of its column's range."""
+_AWAY = 1e100
+"""In K^2, what a simulation leaves that is not finite: more than any other."""
 
 Columns = Callable[[Mechanism], Array]
 
@@ -141,12 +143,14 @@ def _least(
     def at(value: float) -> GreyBox:
         return model.replaced(index, moved(model.mechanisms[index], value))
 
+    @np.errstate(all="ignore")
     def left(value: float) -> float:
         there, total = at(value), 0.0
         for record, run in zip(fitted.records, fitted.runs):
-            read = simulate(there, record, there.z()[None], run.start[None])[0]
-            total += float(np.nansum((record.weights * (record.sensors - read)) ** 2))
-        return total
+            off = record.weights * (record.sensors - simulate(there, record, there.z()[None], run.start[None])[0])
+            total += float(np.sum(off[np.isfinite(record.sensors)] ** 2))
+        # what runs away leaves more than anything else
+        return total if total < _AWAY else _AWAY
 
     options = {"maxiter": _TIMES, "xatol": (high - low) / 1000}
     return at(float(minimize_scalar(left, bounds=(low, high), method="bounded", options=options).x))
