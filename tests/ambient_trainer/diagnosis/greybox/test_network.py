@@ -136,6 +136,12 @@ def test_changes_of_one_loss_multiply(circuit, simulated, recorded, order):
     assert np.sqrt(np.mean((read - integrated(slope, record, [35.0])[0]) ** 2)) < 0.05
 
 
+def test_a_loss_that_is_another_for_good_is_constant_in_every_lane(circuit, simulated, recorded):
+    (record,) = recorded(simulated(4))
+    model = GreyBox.of(circuit).with_mechanism(Coupling(PLACE, (number(0.337),)))
+    assert not model.network(record, model.z() + np.linspace(0.0, 0.1, 9)[:, None]).nonlinear
+
+
 ONE = {"n": {"unit": "1", "value": 0.1}}
 ELSEWHERE = [replace(each, places=("kitchen",)) for name, each in MECHANISMS.items() if each.places and name != "Path"]
 LOOSE = [replace(MECHANISMS["Path"], ends=ends) for ends in ((), PLACE, ("board", "wall", "board", "wall"))]

@@ -157,7 +157,8 @@ class Network:
             mean = more.mean(axis=1)
             self.to_boundary[:, node, boundary] += mean
             more -= mean[:, None]
-            if np.ptp(more):
+            # a mean is rounded in each lane by itself
+            if np.ptp(more, axis=1).any():
                 self.bent[node, boundary] = row + more
                 self.vary([node], more[:, None], self.boundary_degC[boundary])
 
