@@ -252,7 +252,7 @@ def _or_physics(trial: Trial) -> tuple[Cause, ...]:
     shows. As a body, where nothing logged moves: a loss that bends, and the other way round. As heat by what a module
     makes of the sun: the sun."""
     cause, fitted = trial.mechanism.cause, trial.fitted
-    if cause == "heat_source" and (light := _light_along(trial.mechanism, fitted.records)):
+    if cause == "heat_source" and (light := _light_along(trial.mechanism, fitted)):
         return tuple(replace(cause_of(trial.mechanism, fitted.model.circuit), signal=each) for each in light)
     if cause in _CURVES and trial.mechanism.driver is None and not any(map(_moves, fitted.records)):
         return tuple(Cause(each, trial.mechanism.places[0], None) for each in _CURVES if each != cause)
@@ -272,12 +272,12 @@ def _or_physics(trial: Trial) -> tuple[Cause, ...]:
     return () if network.between[0, index, others].any() else (Cause("heat_source", node, "time_s"),)
 
 
-def _light_along(mechanism: Mechanism, records: Sequence[Record]) -> list[str]:
-    """The logged light that goes along with what drives heat and is none itself."""
+def _light_along(mechanism: Mechanism, fitted: Fitted) -> list[str]:
+    """The light that all records have and that goes along with what drives heat and is none itself."""
     if mechanism.driver is None or mechanism.driver.columns[0].endswith(LIGHT):
         return []
-    light = [each for each in records[0].signals if each.endswith(LIGHT)]
-    return [each for each in light if twins(replace(mechanism, driver=Expression(each)), mechanism, records)]
+    light = [each for each in Scene(fitted).columns if each.endswith(LIGHT)]
+    return [each for each in light if twins(replace(mechanism, driver=Expression(each)), mechanism, fitted.records)]
 
 
 def _moves(record: Record) -> bool:
