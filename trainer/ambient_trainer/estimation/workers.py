@@ -14,7 +14,8 @@ from typing import Any
 
 from joblib import Parallel
 
-warnings.filterwarnings("ignore", r"\d+ tasks which", UserWarning, r"joblib\.")  # and are cut short by Ctrl-C
+# tasks are cut short by Ctrl-C, and a worker that has grown is replaced by another
+warnings.filterwarnings("ignore", r"\d+ tasks which|A worker stopped", UserWarning, r"joblib\.")
 # nor does the process that cleans up after them, which knows this one's filters by its environment alone
 os.environ.setdefault("PYTHONWARNINGS", "ignore::UserWarning:joblib.externals.loky.backend.resource_tracker")
 

@@ -124,14 +124,14 @@ def integrated(slope, record, start_degC):
 @pytest.mark.parametrize("order", [1, -1])
 def test_changes_of_one_loss_multiply(circuit, simulated, recorded, order):
     (record,) = recorded(simulated(4))
-    both = [MECHANISMS["Coupling"], Coupling(PLACE, (number(-0.5),), None, 6000.0, 12_000.0)][::order]
-    model = GreyBox.of(circuit).with_mechanism(both[0]).with_mechanism(both[1])
+    covered = Coupling(PLACE, (number(-0.5),), None, 6000.0, 12_000.0)
+    model = replace(GreyBox.of(circuit), mechanisms=(MECHANISMS["Coupling"], covered, MECHANISMS["Exponent"])[::order])
     read = model.network(record, model.z()[None]).simulate(np.array([[35.0]]))[0, 0]
 
     def slope(now_s, degC):
         outside, wind = (np.interp(now_s, record.time_s, record.signals[each]) for each in ("ambient_degC", "wind_m_s"))
-        covered = 1.0 - 0.5 * (6000.0 < now_s < 12_000.0)
-        return [0.2 * (1.0 + 0.3 * wind) * covered * (outside - degC[0]) / 50.0]
+        loss = 0.2 * (1.0 + 0.3 * wind) * (1.0 - 0.5 * (6000.0 < now_s < 12_000.0)) * (outside - degC[0])
+        return [loss * (abs(outside - degC[0]) / 5.0) ** 0.25 / 50.0]
 
     assert np.sqrt(np.mean((read - integrated(slope, record, [35.0])[0]) ** 2)) < 0.05
 

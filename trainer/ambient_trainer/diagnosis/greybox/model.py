@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
@@ -37,8 +36,8 @@ class Number:
     high: float = np.inf
     prior_sd: float = FREE_SD
     """Of its coordinate, about where it begins."""
-    saturates: Literal["", "low", "high"] = ""
-    """The bound beyond which all does the same: to end there says nothing against it."""
+    saturates: bool = False
+    """Whether all does the same beyond its upper bound: to end there says nothing against it."""
 
     @property
     def z(self) -> float:
@@ -60,8 +59,8 @@ class Number:
     @property
     def at_bound(self) -> bool:
         """Whether it stands at one of them."""
-        ends = zip(("low", "high"), self.range_z)
-        return any(side != self.saturates and abs(self.z - end) < 1e-6 * max(1.0, abs(end)) for side, end in ends)
+        ends = self.range_z[: 1 if self.saturates else 2]
+        return any(abs(self.z - end) < 1e-6 * max(1.0, abs(end)) for end in ends)
 
     def at(self, z: float) -> Number:
         """The number at coordinate z."""

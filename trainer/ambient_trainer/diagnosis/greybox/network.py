@@ -58,7 +58,7 @@ class Network:
     pairs: list[tuple[int, int, Array]] = field(default_factory=list)
     """Conductances between two nodes that vary, (P, N)."""
     powers: list[tuple[int, int, Array]] = field(default_factory=list)
-    """Losses G |d/d0|^p d instead of G d: node, boundary, and G in W/K, d0 in K and p (3, P)."""
+    """Losses G |d/d0|^p d instead of G d, whatever changes G: node, boundary, and d0 in K and p (2, P)."""
     phases: list[tuple[int, int, Array]] = field(default_factory=list)
     """Bodies that freeze or melt: node, body, and G in W/K between them, heat of fusion in K, melting point in degC,
     and -1 where the body begins solid, else 1 (4, P)."""
@@ -182,11 +182,14 @@ class Network:
             return ends, np.array([values for _, _, values in terms], dtype=float).reshape(-1, *shape)
 
         pairs, pair_G = stacked(self.pairs, lanes, samples)
-        losses, power = stacked(self.powers, 3, lanes)
+        losses, power = stacked(self.powers, 2, lanes)
         bodies, phase = stacked(self.phases, 4, lanes)
         pair_nodes, power_node, phase_nodes = (np.searchsorted(active, each) for each in (pairs, losses[:, 0], bodies))
         air_degC = self.boundary_degC[losses[:, 1]]
-        return Terms(known, fall, pair_nodes, pair_G, power_node, air_degC, power, phase_nodes, phase)
+        power_G = np.zeros((len(losses), lanes, samples))
+        for row, (node, air) in zip(power_G, losses.tolist()):
+            row += self.to_boundary[:, node, air, None] + self.bent.get((node, air), 0.0)
+        return Terms(known, fall, pair_nodes, pair_G, power_node, air_degC, power_G, power, phase_nodes, phase)
 
     def frozen(self, nodes_degC: Array) -> None:
         """Take all terms as they are along ``nodes_degC`` (n, N), the first nodes of this network: known heat."""

@@ -20,9 +20,9 @@ class Terms(NamedTuple):
 
     ``known`` and ``fall`` (P, k, N): heat at 0 degC, and by how much less per K. Between ``pair_nodes`` (m, 2) are
     conductances ``pair_G`` (m, P, N). Node ``power_node`` (q,) loses G |d/d0|^p d to the air at ``air_degC`` (q, N)
-    instead of G d; ``power`` (q, 3, P) holds G, d0 and p. Between ``phase_nodes`` (r, 2), a node and a body, flows G
-    times what lies below the melting point; ``phase`` (r, 4, P) holds G, the heat of fusion, the melting point, and -1
-    where the body begins solid, else 1.
+    instead of G d; ``power_G`` (q, P, N) is G, ``power`` (q, 2, P) holds d0 and p. Between ``phase_nodes`` (r, 2), a
+    node and a body, flows G times what lies below the melting point; ``phase`` (r, 4, P) holds G, the heat of fusion,
+    the melting point, and -1 where the body begins solid, else 1.
     """
 
     known: Array
@@ -31,6 +31,7 @@ class Terms(NamedTuple):
     pair_G: Array
     power_node: Any
     air_degC: Array
+    power_G: Array
     power: Array
     phase_nodes: Any
     phase: Array
@@ -79,7 +80,7 @@ def answered(along, kept, before, now, into, out, terms):  # type: ignore[no-unt
     modes = np.zeros((lanes, count, samples))
     degC, heat = np.empty(nodes), np.empty(nodes)
     state, drive, last = np.empty(count), np.empty(count), np.empty(count)
-    known, fall, pair_nodes, pair_G, power_node, air_degC, power, phase_nodes, phase = terms
+    known, fall, pair_nodes, pair_G, power_node, air_degC, power_G, power, phase_nodes, phase = terms
     for lane in range(lanes):
         state[:] = 0.0
         # a run begins with the heat of its first sample
@@ -103,8 +104,8 @@ def answered(along, kept, before, now, into, out, terms):  # type: ignore[no-unt
             for term in range(len(power_node)):
                 node = power_node[term]
                 away = air_degC[term, index] - degC[node]
-                share = power[term, 2, lane] * np.log(max(abs(away) / power[term, 1, lane], _SMALLEST))
-                heat[node] += power[term, 0, lane] * np.expm1(min(max(share, -_STEEPEST), _STEEPEST)) * away
+                share = power[term, 1, lane] * np.log(max(abs(away) / power[term, 0, lane], _SMALLEST))
+                heat[node] += power_G[term, lane, index] * np.expm1(min(max(share, -_STEEPEST), _STEEPEST)) * away
             for term in range(len(phase_nodes)):
                 node, body = phase_nodes[term, 0], phase_nodes[term, 1]
                 sign = phase[term, 3, lane]

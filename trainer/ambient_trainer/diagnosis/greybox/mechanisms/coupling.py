@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,7 +97,7 @@ def windowed(scene: Scene) -> Iterator[Mechanism]:
     """A change of the loss of each node, and of all, that nothing logged shows."""
     joined = [each for each in scene.nodes if scene.loss(each) > 0]
     for places in scene.groups(joined):
-        change = Number("change", "1", 0.0, low=-_MOST_LESS, high=_MOST_MORE, saturates=_covered(scene))
+        change = Number("change", "1", 0.0, low=-_MOST_LESS, high=_MOST_MORE)
         yield Coupling(places, (change,))
 
 
@@ -127,14 +126,8 @@ def _coupling(
     less = _HARDLY_LESS if least >= 0 and _only_raises(scene, driver) else _MOST_LESS
     low = max(-less / most if most > 0 else -np.inf, more / least if least < 0 else -np.inf)
     high = min(more / most if most > 0 else np.inf, -_MOST_LESS / least if least < 0 else np.inf)
-    covered = _covered(scene) if driver.text.endswith("_on") else ""
-    number = Number("", driver.per("1"), 0.0, scale=scale, low=low, high=high, saturates=covered)
+    number = Number("", driver.per("1"), 0.0, scale=scale, low=low, high=high)
     return kind(places, tuple(replace(number, name=each) for each in names), driver)
-
-
-def _covered(scene: Scene) -> Literal["", "low"]:
-    """Beside known-good records, which share the loss out as they can, what is covered may lose nothing."""
-    return "low" if scene.records[0].known_good else ""
 
 
 def _only_raises(scene: Scene, driver: Expression) -> bool:

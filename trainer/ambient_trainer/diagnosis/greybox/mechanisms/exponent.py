@@ -33,8 +33,7 @@ class Exponent(InProportion):
     def _bend(self, network: Network, exponents: Array, typical_degC: Array) -> None:
         air = network.boundary(AMBIENT)
         for place, typical, exponent in zip(self.places, typical_degC.T, exponents.T):
-            node = network.index(place)
-            network.powers.append((node, air, np.array([network.loss[:, node, air], typical, exponent])))
+            network.powers.append((network.index(place), air, np.array([typical, exponent])))
 
 
 @dataclass(frozen=True)

@@ -125,7 +125,7 @@ def begun(scene: Scene) -> Iterator[Mechanism]:
         for lag in np.geomspace(10 * scene.period_s, scene.longest_s / 12, 3):
             mass = _mass(scene, (node,), float(lag), sees_ambient=False)
             conductance, behind = mass.numbers
-            yield replace(mass, numbers=(conductance, replace(behind, high=scene.longest_s / 3, saturates="")))
+            yield replace(mass, numbers=(conductance, replace(behind, high=scene.longest_s / 3, saturates=False)))
 
 
 def _mass(scene: Scene, places: tuple[str, ...], lag_s: float, sees_ambient: bool) -> HiddenMass:
@@ -134,7 +134,7 @@ def _mass(scene: Scene, places: tuple[str, ...], lag_s: float, sees_ambient: boo
         conductance = scene.conductance(each)
         joined = Number(f"G_{each}_mass", "W/K", conductance, log=True)
         low, high = scene.period_s / 3, _SLOWEST * scene.longest_s
-        lag = Number(f"lag_{each}_mass", "s", lag_s, True, low=low, high=high, saturates="high")
+        lag = Number(f"lag_{each}_mass", "s", lag_s, True, low=low, high=high, saturates=True)
         airy = Number(f"G_{each}_mass_ambient", "W/K", conductance / 2, log=True)
         numbers += [joined, lag, airy][: 2 + sees_ambient]
     return HiddenMass(places, tuple(numbers), sees_ambient=sees_ambient)
