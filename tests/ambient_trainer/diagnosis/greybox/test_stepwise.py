@@ -295,12 +295,15 @@ def test_no_heater_cools_or_heats_beyond_a_level_alone(circuit, simulated, recor
     renamed = {"current_A": "heater2_frac", "humidity_frac": "heater_cooling_frac", "wind_m_s": "valve_frac"}
     columns = {renamed.get(name, name): row for name, row in trace.columns.items()}
     columns["ac1_W"] = columns["ac_power_W"] = columns["sun_W_m2"]  # alternating current, and a room's air conditioner
+    columns["sun_W_m2"] = columns["sun_W_m2"] - 2.0  # as a pyranometer reads at night
     scene = Scene(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=columns))))
     least = {each.driver.text: each.numbers[0].low for each in heat.candidates(scene) if each.driver is not None}
     judged = ("heater2_frac", "ac1_W", "ac_power_W", "heater_cooling_frac", "valve_frac")
     assert [least[name] for name in judged] == [0.0, 0.0, -np.inf, -np.inf, -np.inf]
     beyond = {each.columns[0] for each in scene.tuned_drivers if ">" in each.text}
     assert {"heater2_frac", "valve_frac"} & beyond == {"valve_frac"}
+    falls = {each.driver.text: each.numbers[0].low for each in coupling.candidates(scene)}
+    assert falls["sun_W_m2"] * columns["sun_W_m2"].max() > -0.2
 
 
 @pytest.mark.parametrize(("began_degC", "apart"), [(26.0, False), (65.0, True)])

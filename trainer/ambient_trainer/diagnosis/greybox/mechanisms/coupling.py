@@ -25,6 +25,8 @@ _MOST_LESS, _MOST_MORE, _SWEPT = 0.97, 19.0, 300.0
 _HARDLY_LESS = 0.1
 """Of the loss, where its driver does most: what heats or moves air takes none away. A loss that falls with a power
 reads as heat does; by a laptop's battery, a printer's bed and a glasshouse's lamps it seemed to in measured logs."""
+_AT_NIGHT = 0.05
+"""Of the most: a pyranometer reads a little less than nothing at night."""
 _ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
 """What carries charge or heat moves no air."""
 _GOES_WITH_HEAT = ("_A", "_V", "_lux")
@@ -123,7 +125,7 @@ def _coupling(
     names = ["change"] if shared else [f"change_{each}" for each in places]
     least, most = scene.extent(driver)
     more = _SWEPT if is_flow(driver.columns[0]) else _MOST_MORE
-    less = _HARDLY_LESS if least >= 0 and _only_raises(scene, driver) else _MOST_LESS
+    less = _HARDLY_LESS if least > -_AT_NIGHT * most and _only_raises(scene, driver) else _MOST_LESS
     low = max(-less / most if most > 0 else -np.inf, more / least if least < 0 else -np.inf)
     high = min(more / most if most > 0 else np.inf, -_MOST_LESS / least if least < 0 else np.inf)
     number = Number("", driver.per("1"), 0.0, scale=scale, low=low, high=high)
