@@ -21,6 +21,7 @@ _UNITS: dict[str, dict[str, tuple[float, float, float]]] = {
     "Hz": {"Hz": _SAME, "kHz": (1e3, 1, 0), "MHz": (1e6, 1, 0), "GHz": (1e9, 1, 0)},
 }
 """By the trace's unit those that convert to it: value * multiplier / divisor + offset."""
+_WRITTEN = {"degC": "°C", "frac": "fraction", "on": "0 or 1"}
 BASES = {unit: base for base, units in _UNITS.items() for unit in units}
 """The trace's unit, by the one that converts to it."""
 
@@ -28,6 +29,11 @@ BASES = {unit: base for base, units in _UNITS.items() for unit in units}
 def target_unit(column: str) -> str | None:
     """The base unit that the trace column's name ends with; None where it is not one of the known."""
     return max((base for base in _UNITS if column.endswith(f"_{base}")), key=len, default=None)
+
+
+def written(unit: str) -> str:
+    """``unit``, as it stands in a column's name, for people: ``W_m2`` is ``W/m²``."""
+    return _WRITTEN.get(unit, unit.replace("m3_", "m³_").replace("_m2", "_m²").replace("_", "/"))
 
 
 def to_base(values: _Value, unit: str) -> _Value:

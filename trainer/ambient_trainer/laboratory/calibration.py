@@ -51,18 +51,14 @@ class Bath:
 
     def record(self) -> pd.DataFrame:
         """What was read so far, from the first sample on."""
-        columns = {kinds.probe_column(name): name for name in self.probes}
-        columns = {kinds.THERMOMETER_COLUMN: REFERENCE, **columns}
+        columns = {kinds.THERMOMETER_COLUMN: REFERENCE, **{kinds.probe_column(name): name for name in self.probes}}
         table = pd.DataFrame.from_dict(self._rows, orient="index", columns=list(columns), dtype=float)
         return table.rename(columns=columns).set_axis(table.index - min(self._rows, default=0.0))
 
     def windows(
         self, count: int, settled: Settled, show: Callable[[str], None], record_path: str | None
     ) -> list[pd.DataFrame]:
-        """The settled window of each of ``count`` temperatures; all readings go to ``record_path``, also of a failure.
-
-        ``show`` gets a line at each sample; for errors see :meth:`until_settled`.
-        """
+        """The settled windows of ``count`` temperatures; all readings go to ``record_path``, also of a failure."""
         found: list[pd.DataFrame] = []
         try:
             for point in range(count):

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import wait
 from datetime import datetime, timezone
 from functools import partial
+from statistics import median_high
 from typing import NamedTuple
 
 import pandas as pd
@@ -167,15 +168,12 @@ def _notes(job: Job, record: Record, outcome: Outcome) -> dict[str, str]:
     notes.update({entry.source: entry.text for entry in record.of(messages.Identity)})
     probes = [name for name in loaded.campaign.laboratory.ambient.probes if name in loaded.offsets]
     notes["offsets"] = "; ".join(f"{name} {loaded.offsets[name]}" for name in probes) or "none"
-    took_s: dict[str, list[float]] = {}
-    offsets: list[tuple[float, float]] = []
-    for each in record.of(Sample):
-        took_s.setdefault(each.source, []).append(each.answered_s - each.asked_s)
-        if each.source == DEVICE and (offset_s := each.values.get(messages.CLOCK_OFFSET)) is not None:
-            offsets.append((each.answered_s - each.asked_s, offset_s))
-    for source, delays in took_s.items():
-        notes[f"{source}_delay_s"] = f"median {sorted(delays)[len(delays) // 2]:.4f}, worst {max(delays):.4f}"
-    if offsets:
+    took = [(each.answered_s - each.asked_s, each) for each in record.of(Sample)]
+    for source in dict.fromkeys(each.source for _, each in took):
+        delays_s = [delay_s for delay_s, each in took if each.source == source]
+        notes[f"{source}_delay_s"] = f"median {median_high(delays_s):.4f}, worst {max(delays_s):.4f}"
+    clocks = [(delay_s, each.values.get(messages.CLOCK_OFFSET)) for delay_s, each in took if each.source == DEVICE]
+    if offsets := [(delay_s, offset_s) for delay_s, offset_s in clocks if offset_s is not None]:
         delay_s, offset_s = min(offsets)  # the quickest answer leaves the least doubt
         drift_s = offsets[-1][1] - offsets[0][1]
         notes["device_clock"] = f"uptime {offset_s} s ahead (+-{0.5 * delay_s:.4f} s), {drift_s:+.4f} s more at the end"

@@ -45,8 +45,8 @@ class Program:
     """The position in ``steps``; it starts ``elapsed_s`` into step ``step``."""
 
     def __init__(self, steps: Sequence[Step], now_s: float, step: int = 0, elapsed_s: float = 0.0) -> None:
-        self.steps, self.step, self.began_s = tuple(steps), step, now_s - elapsed_s
-        self._steady = self._steady_state()
+        self.steps = tuple(steps)
+        self._begin(step, now_s - elapsed_s)
 
     @property
     def over(self) -> bool:
@@ -67,9 +67,8 @@ class Program:
         """The steps (at the end, their number) that began since the last call, and if the one before was unsettled."""
         reached: list[tuple[StepBegan, bool]] = []
         while not self.over and (end := self._end(now_s)) is not None:
-            self.step += 1
-            self.began_s, unsettled = end
-            self._steady = self._steady_state()
+            began_s, unsettled = end
+            self._begin(self.step + 1, began_s)
             reached.append((StepBegan(self.began_s, self.step, 0.0), unsettled))
         return reached
 
@@ -84,10 +83,10 @@ class Program:
         reached, given_up = self._steady.reached(now_s), now_s - self.began_s >= 60.0 * step.settle.at_most_min
         return (now_s, not reached) if reached or given_up else None
 
-    def _steady_state(self) -> SteadyState | None:
-        if self.over or self.now.settle is None:
-            return None
-        return SteadyState(self.now.settle, self.now.chamber_degC)
+    def _begin(self, step: int, began_s: float) -> None:
+        self.step, self.began_s = step, began_s
+        settle = None if self.over else self.now.settle
+        self._steady = SteadyState(settle, self.now.chamber_degC) if settle else None
 
 
 class SafetyLimits:

@@ -27,13 +27,19 @@ def page_of(report: Report) -> str:
     """``report`` as HTML."""
     numbers = itertools.count(1)
     sections = [(each, parts) for each in report.sections if (parts := list(_parts(each.blocks, numbers)))]
-    return _environment().get_template("report.html").render(
+    strict: dict[str, Any] = {"undefined": StrictUndefined, "trim_blocks": True, "lstrip_blocks": True}
+    environment = Environment(loader=PackageLoader("ambient_trainer.report"), autoescape=True, **strict)
+    environment.filters["text"] = _text
+    return environment.get_template("report.html").render(
         report=report,
         lead=list(_parts(report.lead, numbers)),
         sections=sections,
         contents=[each.title for each, _ in sections] if len(sections) >= _CONTENTS_FROM else [],
         figures=next(numbers) > 1,
         points=f"{POINTS_PER_LINE:,}",
+        colours=on_dark(),
+        script=SCRIPT,
+        version=__version__,
     )  # fmt: skip
 
 
@@ -50,14 +56,6 @@ def write_report(folder: str, report: Report) -> str:
         with replacing(str(place / name)) as stream:
             stream.write(text)
     return str(place / PAGE)
-
-
-def _environment() -> Environment:
-    strict: dict[str, Any] = {"undefined": StrictUndefined, "trim_blocks": True, "lstrip_blocks": True}
-    environment = Environment(loader=PackageLoader("ambient_trainer.report"), autoescape=True, **strict)
-    environment.filters["text"] = _text
-    environment.globals.update(colours=on_dark(), script=SCRIPT, version=__version__)
-    return environment
 
 
 def _parts(blocks: Sequence[Block | None], numbers: Iterator[int]) -> Iterator[tuple[str, Any]]:

@@ -4,9 +4,7 @@ import zlib
 from collections.abc import Iterable
 
 BLUE, INK, ORANGE, SKY, SAND = "#1d5fbf", "#111827", "#c2410c", "#7cb8f2", "#c4ad78"
-GREEN, RED, AMBER, TEAL, VIOLET, GREY, LIGHT = (
-    "#15803d", "#dc2626", "#e3a008", "#0d9488", "#8b5cf6", "#6b7280", "#c4c9d1"
-)  # fmt: skip
+RED, AMBER, TEAL, VIOLET, GREY, LIGHT = "#dc2626", "#e3a008", "#0d9488", "#8b5cf6", "#6b7280", "#c4c9d1"
 
 ESTIMATE, REFERENCE, ERROR, INTERVAL, BASELINE = BLUE, INK, ORANGE, SKY, SAND
 MEASURED, SIMULATED, EXTENDED = INK, ORANGE, BLUE
@@ -25,7 +23,7 @@ GRID, AXIS, TEXT = "#e5e7eb", "#9ca3af", "#1f2937"
 
 _ON_DARK = {
     BLUE: "#6ba4f5", INK: "#f3f4f6", ORANGE: "#f28b55", SKY: "#3f78b5", SAND: "#a8925e",
-    GREEN: "#4ade80", RED: "#f87171", AMBER: "#f0b429", TEAL: "#2dd4bf", VIOLET: "#a78bfa",
+    RED: "#f87171", AMBER: "#f0b429", TEAL: "#2dd4bf", VIOLET: "#a78bfa",
     GREY: "#9aa3b2", LIGHT: "#5b6472", GRID: "#2b3442", AXIS: "#5d6878", TEXT: "#e5e7eb",
     "#0072b2": "#4aa8e0", "#d55e00": "#f5853f", "#009e73": "#33c79b", "#cc79a7": "#dc97bd",
     "#e69f00": "#f0b840", "#56b4e9": "#7cc6f0", "#6b7281": "#a3abb8", "#7a5195": "#b08ccb",

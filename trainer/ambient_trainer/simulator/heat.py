@@ -132,8 +132,7 @@ class HeatBalance:
 
     def rates(self, nodes: Array, air_degC: Array, demand: Demand) -> Array:
         """dT/dt in K/s."""
-        heat = self.heat_in(nodes, demand) + self.conducted(nodes) - self.lost(nodes, air_degC)
-        return heat / self.capacitance
+        return (self.heat_in(nodes, demand) + self.conducted(nodes) - self.lost(nodes, air_degC)) / self.capacitance
 
     def equilibrium(self, air_degC: Array, demand: Demand) -> Array:
         """The steady state, shape (batch, nodes)."""
@@ -177,27 +176,19 @@ def steady_state(
     return result
 
 
-def rk4_step(derivative: Callable[[float, Array], Array], start_s: float, state: Array, step_s: float) -> Array:
-    """One step of the classical fourth-order Runge-Kutta method."""
-    half = 0.5 * step_s
-    k1 = derivative(start_s, state)
-    k2 = derivative(start_s + half, state + half * k1)
-    k3 = derivative(start_s + half, state + half * k2)
-    k4 = derivative(start_s + step_s, state + step_s * k3)
-    return state + (step_s / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
-
-
 def advanced(rates: Rates, state: Array, demand: Demand, air_degC: tuple[Array, Array], period_s: float) -> Array:
-    """The state one sample later, while the air goes straight from the one temperature to the other."""
+    """The state one sample later by classical Runge-Kutta steps, while the air goes straight from one to the other."""
     now, slope_K_s = air_degC[0], (air_degC[1] - air_degC[0]) / period_s
     substeps = math.ceil(period_s / LONGEST_STEP_S)
     step_s = period_s / substeps
-
-    def derivative(elapsed_s: float, nodes: Array) -> Array:
-        return rates(nodes, now + slope_K_s * elapsed_s, demand)
-
-    for substep in range(substeps):
-        state = rk4_step(derivative, substep * step_s, state, step_s)
+    half_s = 0.5 * step_s
+    for start_s in (substep * step_s for substep in range(substeps)):
+        begin, middle, end = (now + slope_K_s * (start_s + later_s) for later_s in (0.0, half_s, step_s))
+        k1 = rates(state, begin, demand)
+        k2 = rates(state + half_s * k1, middle, demand)
+        k3 = rates(state + half_s * k2, middle, demand)
+        k4 = rates(state + step_s * k3, end, demand)
+        state = state + (step_s / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
     return state
 
 

@@ -37,7 +37,7 @@ class ChamberAir:
         self._up_K_min = self._down_K_min = math.inf
         self._ramp_degC = self._mean_degC = room_degC
         self._lock = threading.Lock()
-        self._grid_degC = [self._swung(0.0)]
+        self._grid_degC = [room_degC]
 
     def drive(self, at_s: float, wanted_degC: float | None) -> None:
         """Go to ``wanted_degC`` from ``at_s`` on; None is a chamber that is stopped."""
@@ -75,14 +75,11 @@ class ChamberAir:
             self._stir += (stirred - self._stir) * -math.expm1(-_STEP_S / self._dynamics.settling_s)
             kept = math.exp(-_STEP_S / self._dynamics.draught_s)
             self._draught = kept * self._draught + math.sqrt(1.0 - kept * kept) * self._random.standard_normal()
-            self._grid_degC.append(self._swung(len(self._grid_degC) * _STEP_S))
-
-    def _swung(self, seconds: float) -> float:
-        """The mean with the controller's swing and the draughts, both of which a chamber that is stopped lacks."""
-        swing = math.sin(2.0 * math.pi / self._dynamics.wobble_period_s * seconds + self._phase)
-        return self._mean_degC + self._stir * (
-            self._dynamics.wobble_degC * swing + self._dynamics.draught_degC * self._draught
-        )
+            passed_s = len(self._grid_degC) * _STEP_S
+            swing = math.sin(2.0 * math.pi / self._dynamics.wobble_period_s * passed_s + self._phase)
+            # a chamber that is stopped lacks both
+            unsteady_K = self._dynamics.wobble_degC * swing + self._dynamics.draught_degC * self._draught
+            self._grid_degC.append(self._mean_degC + self._stir * unsteady_K)
 
 
 _THERMOCOUPLE = Probes()
@@ -93,19 +90,11 @@ class Probe:
     """A thermocouple behind a first-order lag: exact where the air goes straight from second to second."""
 
     def __init__(self, air: Callable[[float], float], error_K: float, random: np.random.Generator) -> None:
-        self._air = air
-        self._error_K = error_K
-        self._random = random
+        self._air, self._error_K, self._random = air, error_K, random
         self._last: tuple[float, float, float] | None = None
 
     def read(self, at_s: float) -> float:
         """What the instrument reads."""
-        felt_degC = self.felt(at_s)
-        noise_K = _THERMOCOUPLE.noise_degC * float(self._random.standard_normal())
-        return round(felt_degC + self._error_K + noise_K, _THERMOCOUPLE.digits)
-
-    def felt(self, at_s: float) -> float:
-        """The thermocouple's own temperature."""
         if self._last is None or at_s - self._last[0] > _SETTLED_S:
             begin_degC = self._air(at_s - _SETTLED_S)
             self._last = (at_s - _SETTLED_S, begin_degC, begin_degC)
@@ -116,7 +105,8 @@ class Probe:
             before_degC, air_degC = air_degC, self._air(last_s + float(passed_s))
             felt_degC = lag.step(felt_degC, before_degC, air_degC)
         self._last = (at_s, air_degC, felt_degC)
-        return felt_degC
+        noise_K = _THERMOCOUPLE.noise_degC * float(self._random.standard_normal())
+        return round(felt_degC + self._error_K + noise_K, _THERMOCOUPLE.digits)
 
 
 class Sensors:
@@ -187,20 +177,12 @@ class LiveDevice:
             self._read(demand)
             self._seconds += 1
 
-    @property
-    def battery_degC(self) -> float:
-        """The battery's temperature."""
-        assert self.device.battery
-        return float(self._nodes_degC[0, self.device.index(self.device.battery.node)])
-
-    @property
-    def battery_V(self) -> float:
-        """The battery's voltage, with the drop in its own resistance."""
-        assert self.device.battery
-        return self.device.battery.volt_V + self.current_A * self.device.battery.ohm
-
     def _read(self, demand: Demand) -> None:
         self.current_A = float(self._balance.drawn(self._nodes_degC, demand)[1][0])
         """Into the battery."""
         self.zones_degC: list[float] = self._sensors.read(self._nodes_degC)[0].tolist()
         """What the zones report."""
+        if battery := self.device.battery:
+            self.battery_degC = float(self._nodes_degC[0, self.device.index(battery.node)])
+            self.battery_V = battery.volt_V + self.current_A * battery.ohm
+            """With the drop in its own resistance."""

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Mapping
 from types import ModuleType
 from typing import Annotated, Any, Protocol
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, field_validator, model_validator
+from pydantic import Field, NonNegativeFloat, PositiveFloat, field_validator
 
 from ambient_model.faults import refuse
 from ambient_trainer.data.plugins import plugin, plugin_names
@@ -138,16 +138,8 @@ class ChamberDriver(Driver, Protocol):
 SET_POINT, AIR, RUNNING = "chamber_set_degC", "chamber_degC", "chamber_on"
 """Columns of a chamber's reading."""
 THERMOMETER_COLUMN = "thermometer_degC"
-
-
-UNITS = {"degC": (1.0, 0.0), "degF": (1.8, 32.0), "K": (1.0, 273.15)}
-"""By unit a and b: the number there is a temperature in degC times a, plus b."""
-
-
-def degC_from(value: float, unit: str) -> float:
-    """A temperature in degC, from one in one of :data:`UNITS`."""
-    scale, zero = UNITS[unit]
-    return round((value - zero) / scale, 7)
+DIGITS = 7
+"""To which a temperature that comes in another unit is rounded in degC."""
 
 
 def plausible(temp_degC: float) -> bool:

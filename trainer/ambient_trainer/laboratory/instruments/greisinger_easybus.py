@@ -16,7 +16,8 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, UNITS, Air, ThermometerSettings, degC_from
+from ambient_trainer.data.units import to_base
+from ambient_trainer.laboratory.instruments import DIGITS, THERMOMETER_COLUMN, Air, ThermometerSettings
 from ambient_trainer.laboratory.messages import Clock, Reading
 from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
 from ambient_trainer.laboratory.serial_line import Malformed, Query, SerialDriver, SerialLine, shown
@@ -24,7 +25,7 @@ from ambient_trainer.laboratory.serial_line import Malformed, Query, SerialDrive
 VALUE, IDENTITY = 0, 12
 """The codes that ask for the measured value, and for the number that stands on the instrument, in hexadecimal."""
 FURTHER, UNIT = 15, 202
-NAMES = dict(enumerate(UNITS, 1))
+NAMES = {1: "degC", 2: "degF", 3: "K"}
 """By the number that the instrument gives: the unit."""
 FAULTS = {
     16352: "above the measuring range",
@@ -177,7 +178,7 @@ class Driver(SerialDriver):
             value, reason = value_of(frame.body)
         except ValueError as error:
             raise self.line.failed(*error.args) from error
-        temp_degC = None if value is None else degC_from(value, self._unit)
+        temp_degC = None if value is None else round(to_base(value, self._unit), DIGITS)
         return Reading(asked_s, answered_s, {THERMOMETER_COLUMN: temp_degC}, reason)
 
 

@@ -17,7 +17,8 @@ from urllib.parse import urlsplit
 
 from pydantic import Field, PositiveFloat
 
-from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, UNITS, Air, ThermometerSettings, degC_from
+from ambient_trainer.data.units import to_base
+from ambient_trainer.laboratory.instruments import DIGITS, THERMOMETER_COLUMN, Air, ThermometerSettings
 from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError, NoResponse, Reading, in_background
 
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
@@ -77,7 +78,7 @@ class Driver:
             hint = "is 'key' the way to the number in it?"
             raise self._failed(repr(message[:80].decode("utf-8", "replace")), InstrumentError, hint) from error
         at_s = self._clock.now_s() - self._clock.speed * (self._never_set.now_s() - came_s)
-        return Reading(at_s, at_s, {THERMOMETER_COLUMN: degC_from(value, self._settings.unit)})
+        return Reading(at_s, at_s, {THERMOMETER_COLUMN: round(to_base(value, self._settings.unit), DIGITS)})
 
     def close(self) -> None:
         client, self._client = self._client, None
@@ -166,10 +167,9 @@ class Simulated:
                 subscribed = subscribed or packet[0] == 0x82
 
     def _message(self, at_s: float) -> bytes:
-        scale, zero = UNITS[self._settings.unit]
-        names = reversed(self._settings.key.split(".") if self._settings.key else ())
-        content: Any = round(scale * self._air(at_s) + zero, 2)
-        for name in names:
+        zero_degC, one_degC = (to_base(value, self._settings.unit) for value in (0.0, 1.0))
+        content: Any = round((self._air(at_s) - zero_degC) / (one_degC - zero_degC), 2)
+        for name in reversed(self._settings.key.split(".") if self._settings.key else ()):
             content = {name: content}
         topic = self._settings.topic.encode()
         body = len(topic).to_bytes(2, "big") + topic + json.dumps(content).encode()

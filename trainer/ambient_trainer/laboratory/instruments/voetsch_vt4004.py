@@ -163,9 +163,8 @@ class Driver(SerialDriver):
         self._read_fault = Query(self._command(b"F"), fault, lambda reply: isinstance(reply, Fault))
         faults = ", and does it know 'F' (else 'alarms: false')" if settings.alarms else ""
         hint = f"{NoResponse.hint} is its address {settings.address}{faults}?"
-        marker, quiet_s = self._read_state, settings.timeout_s
-        if settings.alarms:
-            marker, quiet_s = self._read_fault, serial_line.QUIET_S
+        marker = self._read_fault if settings.alarms else self._read_state
+        quiet_s = serial_line.QUIET_S if settings.alarms else settings.timeout_s
         self.line = SerialLine("chamber", settings, clock, decode, marker, _BAUD, quiet_s=quiet_s, silent_hint=hint)
 
     def identify(self) -> str:
