@@ -7,11 +7,11 @@ import pytest
 
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.check import check_estimator
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.registry import estimator, estimator_names, thermal_circuit
 from ambient_trainer.estimators.report import report_of
 from ambient_trainer.lti.lag import lagged
+from estimator_contract import check_estimator
 from refusals import refused
 
 ANY = [name for name in estimator_names() if estimator(name).reads_any and estimator(name).name == name]

@@ -40,7 +40,7 @@ def with_edge(circuit: Circuit, one: str, other: str, resistance_K_W: float) -> 
     """``circuit`` with one more thermal resistance between two nodes."""
     name = _unused(circuit, f"R_{one}_{other}")
     added = replace(circuit, edges=(*circuit.edges, Edge((one, other), name)))
-    return _with(added, {name: _positive(name, "K/W", resistance_K_W)})
+    return _with(added, {name: Parameter(name, "K/W", resistance_K_W, 0.0, inf, free=True)})
 
 
 def with_body(circuit: Circuit, neighbour: str, capacitance_J_K: float, resistance_K_W: float) -> Circuit:
@@ -48,7 +48,7 @@ def with_body(circuit: Circuit, neighbour: str, capacitance_J_K: float, resistan
     body = _unused(circuit, f"{neighbour}_mass")
     name = _unused(circuit, f"C_{body}")
     added = replace(circuit, nodes=(*circuit.nodes, Node(body, name, None)))
-    held = _with(added, {name: _positive(name, "J/K", capacitance_J_K)})
+    held = _with(added, {name: Parameter(name, "J/K", capacitance_J_K, 0.0, inf, free=True)})
     return with_edge(held, neighbour, body, resistance_K_W)
 
 
@@ -64,10 +64,6 @@ def _moved(parameter: Parameter, value: float) -> Parameter:
     if not parameter.low < parameter.high:
         return replace(parameter, initial=value, low=value, high=value)
     return replace(parameter, initial=value, low=min(parameter.low, value), high=max(parameter.high, value))
-
-
-def _positive(name: str, unit: str, value: float) -> Parameter:
-    return Parameter(name, unit, value, 0.0, inf, free=True)
 
 
 def _unused(circuit: Circuit, name: str) -> str:

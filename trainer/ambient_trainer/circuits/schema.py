@@ -5,8 +5,6 @@ is then fixed. ``mechanisms`` holds what ``diagnose --extended`` writes beyond t
 Resistances and capacitances are positive by construction.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import re

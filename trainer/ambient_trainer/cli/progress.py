@@ -9,7 +9,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 from rich import progress
@@ -67,23 +67,29 @@ def _bar(patience_s: float, *numbers: progress.ProgressColumn) -> Iterator[Show]
 
 
 @contextlib.contextmanager
+def handled(handle: Callable[[int, FrameType | None], None], *signals: int) -> Iterator[dict[int, Any]]:
+    """In the block ``handle`` gets these signals, where this thread is the one that gets any; gives those before it."""
+    main = threading.current_thread() is threading.main_thread()
+    before = {each: signal.signal(each, handle) for each in signals if main}
+    try:
+        yield before
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+
+
+@contextlib.contextmanager
 def _remembered_interrupts() -> Iterator[list[int]]:
     """Ctrl-C raises as ever, and is kept: where a callback of a library raises it, it goes no further."""
     caught: list[int] = []
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
-        yield caught
-        return
 
     def handle(number: int, frame: FrameType | None) -> None:
         caught.append(number)
         signal.default_int_handler(number, frame)
 
-    signal.signal(signal.SIGINT, handle)
-    try:
+    usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    with handled(handle, *[signal.SIGINT] * usual):
         yield caught
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 staged_progress = functools.partial(_bar, _PATIENCE_S)
@@ -96,19 +102,12 @@ counted_progress = functools.partial(_bar, _PATIENCE_S, progress.MofNCompleteCol
 def _cancelled_by_interrupt(effort: at.Effort) -> Iterator[None]:
     from ambient_trainer.estimation.search import Cancelled  # numpy: --help should not wait for it
 
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.getsignal(signal.SIGINT)
-
     def handle(number: int, frame: FrameType | None) -> None:
         effort.budget.cancel()
-        signal.signal(signal.SIGINT, before)  # a second one ends the command as usual
+        signal.signal(number, before[number])  # a second one ends the command as usual
 
-    signal.signal(signal.SIGINT, handle)
     try:
-        yield
+        with handled(handle, signal.SIGINT) as before:
+            yield
     except Cancelled:
         raise click.Abort from None
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -3,8 +3,6 @@
 A file of offsets is YAML, as ``ambient-trainer calibrate`` writes it and a campaign's ``offsets`` names it.
 """
 
-from __future__ import annotations
-
 import datetime
 import itertools
 from collections.abc import Mapping

@@ -139,7 +139,7 @@ USUAL = Effort()
 
 
 class Estimator(ABC):
-    """A method that can be fitted. ``check.check_estimator`` tests whether one keeps this contract."""
+    """A method that can be fitted."""
 
     name: str
     """What a user calls it."""

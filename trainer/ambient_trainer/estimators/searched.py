@@ -8,11 +8,11 @@ import numpy as np
 
 from ambient_model.model import Beyond
 from ambient_model.trace import split_column
-from ambient_trainer.data import Array, Segment
+from ambient_trainer.data import Segment
 from ambient_trainer.estimation import FreeFilter, Progress, SearchResult, Structure
 from ambient_trainer.estimation.error_variance import Moment, fit_error_variance, half_widths
 from ambient_trainer.estimation.uncertainty import Uncertainty, residuals, uncertainty
-from ambient_trainer.estimators.base import Effort, Fit, ParameterEstimate, fit_static_linear
+from ambient_trainer.estimators.base import Effort, Fit, ParameterEstimate, Training, fit_static_linear
 from ambient_trainer.lti import Hold, StateSpace, dc_gain, noise_gain
 
 _OPEN = float(np.log(1e3))
@@ -42,9 +42,7 @@ def fit_of(
     """
     known = uncertainty(structure, result.best)
     parameters = tuple(_estimated(*each, known) for each in unknowns)
-    per_segment = residuals(structure, result.best)
-    errors = [np.concatenate([each[output] for each in per_segment]) for output in range(len(outputs))]
-    errors = [each[~np.isnan(each)] for each in errors]
+    errors = [row[~np.isnan(row)] for row in np.concatenate(residuals(structure, result.best), axis=1)]
     inputs_seen = np.concatenate([segment.inputs for segment in structure.segments], axis=1)
     count = sum(len(each) for each in errors)
     free = [each for each in parameters if each.free]
@@ -74,14 +72,6 @@ def fit_of(
     )
 
 
-def filter_unknowns(structure: FreeFilter, theta: Array) -> list[tuple[str, str, float, bool]]:
-    """The poles of a free filter as unknowns of :func:`fit_of`."""
-    units = ["1" if "zeta" in name else "1/s" for name in structure.search.names]
-    return [
-        (name, unit, value, True) for name, unit, value in zip(structure.search.names, units, np.exp(theta).tolist())
-    ]
-
-
 def _estimated(name: str, unit: str, value: float, logarithmic: bool, known: Uncertainty) -> ParameterEstimate:
     if name not in known.names:
         return ParameterEstimate(name, unit, value, None, None, free=False, at_bound=False, identifiable=True)
@@ -100,24 +90,20 @@ def _estimated(name: str, unit: str, value: float, logarithmic: bool, known: Unc
 
 
 def filter_fit(
-    name: str,
-    columns: Sequence[str],
-    segments: Sequence[Segment],
-    order: int,
-    result: SearchResult,
-    effort: Effort,
-    unit_gain: bool = True,
+    name: str, training: Training, order: int, result: SearchResult, effort: Effort, unit_gain: bool = True
 ) -> Fit:
-    """The fit of a free filter that was searched over more than the logged ``segments``.
+    """The fit of a free filter that was searched over the log, or over more.
 
     Its DC gains add up to one where ``unit_gain`` was demanded.
     """
-    logged = FreeFilter(order, segments)
+    logged = FreeFilter(order, training.segments)
     system = logged.system(result.best.theta, result.best.beta)
     lacking = (1.0 - float(dc_gain(system)[0].sum())) * unit_gain
     system = replace(system, D=system.D + lacking / system.D.shape[1])
-    unknowns = filter_unknowns(logged, result.best.theta)
-    return rescored(fit_of(logged, result, effort, system, unknowns, name, columns, MODES[:order]), segments)
+    poles = zip(logged.search.names, np.exp(result.best.theta).tolist())
+    unknowns = [(pole, "1" if "zeta" in pole else "1/s", value, True) for pole, value in poles]
+    fit = fit_of(logged, result, effort, system, unknowns, name, training.columns, MODES[:order])
+    return rescored(fit, training.segments)
 
 
 def rescored(fit: Fit, segments: Sequence[Segment]) -> Fit:

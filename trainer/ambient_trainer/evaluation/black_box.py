@@ -98,35 +98,33 @@ def _ridge(features: Array, outputs: Array, blocks: Sequence[slice]) -> Array:
     """Held-out predictions of the best penalty for each sensor, NaN outside the blocks."""
     predicted = np.full((len(_PENALTIES), *outputs.shape), np.nan)
     scale = features.std(axis=1, keepdims=True) + 1e-9
-    for block in blocks:
-        for known, sensors in _alike(outputs, block):
-            mean = features[:, known].mean(axis=1, keepdims=True)
-            trained, held_out = (features[:, known] - mean) / scale, (features[:, block] - mean) / scale
-            variances, directions = np.linalg.eigh(trained @ trained.T / len(known))
-            level = outputs[np.ix_(sensors, known)].mean(axis=1, keepdims=True)
-            along = (outputs[np.ix_(sensors, known)] - level) @ trained.T @ directions / len(known)
-            seen = directions.T @ held_out
-            for each, penalty in zip(predicted, _PENALTIES):
-                each[sensors, block] = level + along / (np.maximum(variances, 0.0) + penalty) @ seen
+    for block, known, sensors in _parts(outputs, blocks):
+        mean = features[:, known].mean(axis=1, keepdims=True)
+        trained, held_out = (features[:, known] - mean) / scale, (features[:, block] - mean) / scale
+        variances, directions = np.linalg.eigh(trained @ trained.T / len(known))
+        level = outputs[np.ix_(sensors, known)].mean(axis=1, keepdims=True)
+        along = (outputs[np.ix_(sensors, known)] - level) @ trained.T @ directions / len(known)
+        seen = directions.T @ held_out
+        for each, penalty in zip(predicted, _PENALTIES):
+            each[sensors, block] = level + along / (np.maximum(variances, 0.0) + penalty) @ seen
     error = np.array([np.nanmean((outputs - each) ** 2, axis=1) for each in predicted])
     return predicted[error.argmin(axis=0), np.arange(len(outputs))]
 
 
 def _trees(features: Array, outputs: Array, blocks: Sequence[slice]) -> Array:
     predicted = np.full(outputs.shape, np.nan)
-    for block in blocks:
-        for known, sensors in _alike(outputs, block):
-            trees = ExtraTreesRegressor(_TREES, min_samples_leaf=_SMALLEST_LEAF, max_features=1 / 3, random_state=0)
-            wanted = outputs[np.ix_(sensors, known)].T
-            trees.fit(features[:, known].T, wanted if len(sensors) > 1 else wanted[:, 0])
-            predicted[sensors, block] = trees.predict(features[:, block].T).reshape(-1, len(sensors)).T
+    for block, known, sensors in _parts(outputs, blocks):
+        trees = ExtraTreesRegressor(_TREES, min_samples_leaf=_SMALLEST_LEAF, max_features=1 / 3, random_state=0)
+        wanted = outputs[np.ix_(sensors, known)].T
+        trees.fit(features[:, known].T, wanted if len(sensors) > 1 else wanted[:, 0])
+        predicted[sensors, block] = trees.predict(features[:, block].T).reshape(-1, len(sensors)).T
     return predicted
 
 
-def _alike(outputs: Array, block: slice) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Samples outside ``block`` where sensors are measured, and the sensors that share them."""
-    measured = ~np.isnan(outputs)
-    measured[:, block] = False
-    for pattern in np.unique(measured, axis=0):
-        sensors = np.flatnonzero((measured == pattern).all(axis=1))
-        yield np.flatnonzero(pattern), sensors
+def _parts(outputs: Array, blocks: Sequence[slice]) -> Iterator[tuple[slice, NDArray[np.intp], NDArray[np.intp]]]:
+    """Each block, samples outside it where sensors are measured, and the sensors that share them."""
+    for block in blocks:
+        measured = ~np.isnan(outputs)
+        measured[:, block] = False
+        for pattern in np.unique(measured, axis=0):
+            yield block, np.flatnonzero(pattern), np.flatnonzero((measured == pattern).all(axis=1))

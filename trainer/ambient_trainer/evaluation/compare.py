@@ -8,10 +8,7 @@ from ambient_model.faults import refuse
 from ambient_model.model import Model
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimators.base import Effort, Fit
-from ambient_trainer.estimators.model_file import model_of, training_of
-from ambient_trainer.estimators.readings import reading_model
-from ambient_trainer.estimators.registry import estimator
+from ambient_trainer.estimators import Effort, Fit, estimator, model_of, reading_model, training_of
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_cold, evaluate_run_in
 from ambient_trainer.report import Finding, Report, Section, Table
 

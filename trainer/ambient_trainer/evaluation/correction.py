@@ -15,14 +15,12 @@ import numpy as np
 
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
-from ambient_model.model import Estimator, Model
+from ambient_model.model import Model
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.uncertainty import residual_memory
+from ambient_trainer.estimators.model_file import MAIN, estimators_of, with_estimators
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.report import Finding, Report, Section, Table
-
-MAIN, SECONDARY = "main", "guard"
-"""As model files have named them from the first."""
 
 
 @dataclass(frozen=True)
@@ -41,15 +39,11 @@ def correction(model: Model, trace: Trace, from_s: float | None = None, to_s: fl
     Raises :class:`Refused` where a column or the ambient is missing.
     """
     trace = trace.cut(None, to_s)
-    estimators = {MAIN: model.main} | {f"without {name}": each for name, each in model.fallbacks.items()}
-    if model.secondary is not None:
-        estimators[SECONDARY] = model.secondary.estimator
     errors: dict[str, Array] = {}
-    for name, each in estimators.items():
-        # what each sensor is expected to read is of all sensors, and starts are the main one's
-        alone = model._replace(
-            main=each, fallbacks={}, secondary=None, error_variance=None, readings=None, provenance={}
-        )
+    # what each sensor is expected to read is of all sensors, and starts are the main one's
+    bare = model._replace(fallbacks={}, secondary=None, error_variance=None, readings=None, provenance={})
+    for name, each in estimators_of(model).items():
+        alone = bare._replace(main=each)
         error = evaluate_trace(alone, trace, from_s).error_degC
         errors[name] = error[np.isfinite(error)]
     own = errors[MAIN]
@@ -59,17 +53,13 @@ def correction(model: Model, trace: Trace, from_s: float | None = None, to_s: fl
 
 def corrected(model: Model, found: Correction, source: Mapping[str, Any]) -> Model:
     """``model`` with its offsets corrected; ``source`` is the provenance of the calibration."""
-    added = found.offsets_degC
-    main = _moved(model.main, added[MAIN])
+    offsets = {name: each.offset + found.offsets_degC[name] for name, each in estimators_of(model).items()}
+    moved = {name: each._replace(offset=offsets[name]) for name, each in estimators_of(model).items()}
     entry = {**source, **asdict(found)}
-    result = model._replace(
+    result = with_estimators(model, moved)._replace(
         created=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
-        main=main,
-        fallbacks={name: _moved(each, added[f"without {name}"]) for name, each in model.fallbacks.items()},
-        secondary=model.secondary
-        and model.secondary._replace(estimator=_moved(model.secondary.estimator, added[SECONDARY])),
         provenance={**model.provenance, "corrections": [*model.provenance.get("corrections", []), entry]},
-        conformance=conformance_of(main, model.conformance.inputs),
+        conformance=conformance_of(moved[MAIN], model.conformance.inputs),
     )
     # whatever a device would refuse is refused here, before anything is written
     return decode(encode(result).encode(), model.name)
@@ -87,7 +77,3 @@ def report_of(found: Correction) -> Report:
         sections=[Section("", [Table("", ("estimator", "offset in degC"), rows) if rows else None])],
         data=asdict(found),
     )
-
-
-def _moved(estimator: Estimator, degC: float) -> Estimator:
-    return estimator._replace(offset=estimator.offset + degC)

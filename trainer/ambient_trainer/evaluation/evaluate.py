@@ -16,9 +16,8 @@ from ambient_model.observer import Observer
 from ambient_model.trace import REFERENCE
 from ambient_model.tracking import Tracker, bridge_limit_s, nearest_discrete
 from ambient_trainer.data import Array, Trace, sampling_period_s
-from ambient_trainer.estimators.base import STATIC_LINEAR
+from ambient_trainer.estimators import STATIC_LINEAR, overlaps_training, provenance_of
 from ambient_trainer.evaluation.metrics import Metrics, coverage, score
-from ambient_trainer.evaluation.provenance import overlaps_training, provenance_of
 
 
 @dataclass(frozen=True)

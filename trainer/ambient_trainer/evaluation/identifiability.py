@@ -24,8 +24,7 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data import Array, Segment, Trace, segments
 from ambient_trainer.estimation import CircuitStructure, search
 from ambient_trainer.estimation.structure import project
-from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.registry import CircuitEstimator
+from ambient_trainer.estimators import CircuitEstimator, Effort
 from ambient_trainer.evaluation.sensitivity import Sensitivity, parameter_names, sensitivity
 
 Progress = Callable[[str, int, int], None]
@@ -304,13 +303,11 @@ def recovered(
     if len(draws) < 2:
         return ()
     mean, error = np.mean(draws, axis=0), np.std(draws, axis=0, ddof=1) / math.sqrt(len(draws))
-    found = []
-    for name, log, middle, width in zip(names, positive, mean.tolist(), error.tolist()):
-        truth = subject.values[name]
-        distance = middle - (math.log(truth) if log else truth)
-        deviation = distance / width if width > 0 else 0.0
-        found.append(Recovery(name, truth, math.exp(middle) if log else middle, deviation))
-    return tuple(found)
+    truth = [subject.values[name] for name in names]
+    distance = mean - [math.log(value) if log else value for value, log in zip(truth, positive)]
+    off = np.divide(distance, error, out=np.zeros(len(names)), where=error > 0)
+    middle = [math.exp(value) if log else value for value, log in zip(mean.tolist(), positive)]
+    return tuple(map(Recovery, names, truth, middle, off.tolist()))
 
 
 def _moved(truth: float, found: float) -> float:

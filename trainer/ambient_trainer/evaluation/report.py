@@ -12,10 +12,9 @@ import numpy as np
 from ambient_model.model import Model
 from ambient_model.tracking import COASTING, DEGRADED, FAULTED, WARMING_UP
 from ambient_trainer.data.units import written
-from ambient_trainer.estimators.base import STATIC_LINEAR
+from ambient_trainer.estimators import STATIC_LINEAR, provenance_of
 from ambient_trainer.evaluation.evaluate import Evaluation
 from ambient_trainer.evaluation.metrics import ROLLING_LEVEL_PERCENT, ROLLING_SAMPLES, Metrics, rolling_band
-from ambient_trainer.evaluation.provenance import provenance_of
 from ambient_trainer.report import Facts, Figure, Finding, Plot, Report, Section, Table, palette, plots
 
 _COLUMNS = ("trace", "method", "RMSE", "MAE", "MBE", "98 % interval", "in 50/90/98 %", "samples")

@@ -68,13 +68,18 @@ class Typical(NamedTuple):
     memory_s: float
 
 
-class Named(NamedTuple):
-    """The most probable cause, its place and its probability; and the causes that are a tenth as probable at least."""
+class Outlier(NamedTuple):
+    """A unit that does not fit the population: minus the decimal logarithm of how probable it is, and the cause.
 
-    cause: str
+    ``confidence`` is the cause's probability; ``rivals`` are those that are a tenth as probable at least.
+    """
+
+    unit: str
+    improbability: float = np.nan
+    cause: str | None = None
     location: str | None = None
     confidence: float | None = None
-    rivals: tuple[str, ...] = ()
+    rivals: str | None = None
 
 
 def learn(circuit: Circuit, traces: Sequence[Trace]) -> Typical:
@@ -134,14 +139,14 @@ def _memory(fitted: Fitted) -> float:
     return float(np.median([residual_memory(row[np.isfinite(row)]) for row in left if np.isfinite(row).any()]))
 
 
-def name_cause(typical: Typical, trace: Trace) -> Named:
-    """What is odd about the unit of a trace."""
+def name_cause(typical: Typical, trace: Trace, unit: str = "") -> Outlier:
+    """What is odd about the unit of a trace: its most probable cause."""
     with threadpool_limits(1):
         known = typical.known
         bare = known.bare_fit(known.records([_checked(known.model.circuit, trace)]))
         screened = [each for each in screen(Scene(bare), changed_candidates) if _of_one_unit(each.mechanism)]
         trials = [each for each in compared(bare, _forms(screened), lambda *_: None) if not each.at_bounds]
-    return _most_probable(bare, trials, typical)
+    return _most_probable(unit, bare, trials, typical)
 
 
 def _of_one_unit(mechanism: Mechanism) -> bool:
@@ -160,7 +165,7 @@ def _forms(screened: Sequence[Screened]) -> list[Screened]:
     return [*(each for each in best.values() if each.mechanism.lasts), *passing[:_PASSING]]
 
 
-def _most_probable(bare: Fitted, trials: Sequence[Trial], typical: Typical) -> Named:
+def _most_probable(unit: str, bare: Fitted, trials: Sequence[Trial], typical: Typical) -> Outlier:
     """The cause with the greatest posterior probability, each place counting as much as any other beforehand.
 
     Where even the best leaves more than typical units do, evidence counts the less: what is left is no noise.
@@ -185,11 +190,11 @@ def _most_probable(bare: Fitted, trials: Sequence[Trial], typical: Typical) -> N
     order = np.argsort(-share, kind="stable")
     cause, place = keys[order[0]]
     if cause == NONE:
-        return Named(NONE)
+        return Outlier(unit, cause=NONE)
     if least > _MUCH * expected and least > _MOSTLY * much:
-        return Named(UNKNOWN)
-    rivals = tuple(" at ".join(filter(None, keys[k])) for k in order[1:] if share[k] > _RIVAL * share[order[0]])
-    return Named(cause, place, min(float(share[order[0]]), _SUREST), rivals)
+        return Outlier(unit, cause=UNKNOWN)
+    rivals = "; ".join(" at ".join(filter(None, keys[k])) for k in order[1:] if share[k] > _RIVAL * share[order[0]])
+    return Outlier(unit, np.nan, cause, place, min(float(share[order[0]]), _SUREST), rivals or None)
 
 
 def _evidence(fitted: Fitted, typical: Typical) -> tuple[float, float]:

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import quote, unquote
 
 import numpy as np
+import pandas as pd
 
 from ambient_model.faults import Refused, refuse
 from ambient_model.trace import TIME, split_column
 from ambient_trainer.data.trace import Trace, frame_trace, load_trace
 
 if TYPE_CHECKING:
-    import pandas as pd
     import pyarrow.parquet as pq
 
 UNKNOWN = "unknown"
@@ -187,13 +187,8 @@ def _partition(file: str, path: str) -> dict[str, str]:
 
 def logs(wanted: Sequence[Entry], source: Source) -> Iterator[Log]:
     """The logs of some units, in their order; each row group is read once where neighbours share it."""
-    opened = lru_cache(1)(_opened)
-    units = sorted(each.unit for each in wanted)
-
-    @lru_cache(1)
-    def rows(piece: Piece) -> pd.DataFrame:
-        return _rows(opened(piece.path), piece.row_group, source, units)
-
+    opened, units = lru_cache(1)(_opened), sorted(each.unit for each in wanted)
+    rows = lru_cache(1)(lambda piece: _rows(opened(piece.path), piece.row_group, source, units))
     for entry in wanted:
         labels, trace, reason = dict(entry.labels), None, entry.fault
         try:
@@ -214,7 +209,13 @@ def reason_of(refused: Refused) -> str:
 def _trace(entry: Entry, source: Source, rows: Callable[[Piece], pd.DataFrame], labels: dict[str, str]) -> Trace:
     """The trace of a unit; what it says of its groups goes to ``labels``."""
     if entry.pieces[0].path.endswith(_PARQUET):
-        trace = frame_trace(_frame(entry, source, rows, labels), entry.unit)
+        parts = [rows(piece) for piece in entry.pieces]
+        parts = [each[each[source.by] == entry.unit] if source.by in each else each for each in parts]
+        frame = pd.concat(parts, ignore_index=True)
+        if TIME not in frame:
+            raise refuse(entry.unit, f"column {TIME}", "missing", "log the time in s beside the readings")
+        labels.update({name: str(frame[name].iloc[0]) for name in source.within if name in frame and len(frame)})
+        trace = frame_trace(frame.drop(columns=[source.by, *source.within], errors="ignore"), entry.unit)
     elif len(entry.pieces) > 1:
         raise refuse(entry.unit, "", "two files have the name of this unit", "rename one")
     else:
@@ -229,18 +230,6 @@ def require_values(trace: Trace, columns: Iterable[str]) -> Trace:
         if not np.isfinite(trace.column(name)).any():
             raise refuse(trace.path, f"column {name}", "holds no value at all", "leave the unit out, or log it again")
     return trace
-
-
-def _frame(entry: Entry, source: Source, rows: Callable[[Piece], pd.DataFrame], labels: dict[str, str]) -> pd.DataFrame:
-    import pandas as pd
-
-    parts = [rows(piece) for piece in entry.pieces]
-    parts = [each[each[source.by] == entry.unit] if source.by in each else each for each in parts]
-    frame = pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]
-    if TIME not in frame:
-        raise refuse(entry.unit, f"column {TIME}", "missing", "log the time in s beside the readings")
-    labels.update({name: str(frame[name].iloc[0]) for name in source.within if name in frame.columns and len(frame)})
-    return frame.drop(columns=[name for name in (source.by, *source.within) if name in frame.columns])
 
 
 def _rows(opened: pq.ParquetFile, row_group: int | None, source: Source, units: Sequence[str]) -> pd.DataFrame:

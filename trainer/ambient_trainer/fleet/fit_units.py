@@ -21,12 +21,11 @@ from ambient_model.model import SCORES
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimators.base import USUAL, Effort, Fit
-from ambient_trainer.estimators.model_file import model_of
-from ambient_trainer.estimators.registry import estimator
+from ambient_trainer.estimators import USUAL, Effort, Fit, estimator, model_of
+from ambient_trainer.estimators.model_file import MAIN, estimators_of, with_estimators
 from ambient_trainer.fleet.dataset import FEWEST, Entry, Log, Source, logs, reason_of, too_few
 from ambient_trainer.fleet.pooling import Normal, Population, Posterior, deviance
-from ambient_trainer.fleet.space import MAIN, SECONDARY, Space, assembled, changed, grids, members, space_of
+from ambient_trainer.fleet.space import Space, assembled, changed, grids, members, space_of
 
 _GRID_SAMPLES = 20_000
 """The population's time constants are fitted to about so many samples of the units that it is begun with."""
@@ -189,7 +188,7 @@ def _fitted(looked: Sequence[Looked], start: Start, learnt: Learnt, created: str
         own = each.posterior(Normal.stacked(unit.members[index] for unit in looked), group)
         posteriors[name], kept[name] = each.safe(own)
     open_ = population.posterior(units, group).covariance @ np.linalg.inv(population.between)
-    deviation = {name: _deviation_degC(learnt.populations[name], each) for name, each in posteriors.items()}
+    deviation = {name: learnt.populations[name].deviation_degC(each.covariance) for name, each in posteriors.items()}
     rows = pd.DataFrame(
         {
             "unit": [each.unit for each in looked],
@@ -223,7 +222,7 @@ def _fit(units: Normal, population: Population, group: NDArray[np.intp], main: P
     scale = population.variance_degC2 * population.memory_s
     distance, freedom = deviance(units.H / scale, units.g / scale, *population.prior(group))
     return {
-        "half_width_90_degC": SCORES[90] * _deviation_degC(population, main),
+        "half_width_90_degC": SCORES[90] * population.deviation_degC(main.covariance),
         "distance": distance,
         "freedom": freedom,
         # one for a unit whose sensors go together as the population's do
@@ -242,11 +241,6 @@ def _readable(space: Space, main: Posterior) -> dict[str, Array]:
         value, width = values[:, index], half[:, index]
         columns |= {name: value, f"{name}_low90": value - width, f"{name}_high90": value + width}
     return columns
-
-
-def _deviation_degC(population: Population, units: Posterior) -> Array:
-    """Of the error to expect of each: its noise, and what is not known of its gains, over the population's use."""
-    return np.sqrt(population.variance_degC2 + np.trace(units.covariance, axis1=-2, axis2=-1))
 
 
 def _held_out(
@@ -281,14 +275,9 @@ def model_text(
     fit: Fit, deviation_degC: Mapping[str, float], said: _Entries, training: Sequence[_Entries], created: str
 ) -> str:
     """The model file of ``fit``, each member's interval that of a normal error of its deviation."""
-
-    def interval(name: str) -> dict[int, tuple[float, float]]:
-        return {level: (-score * deviation_degC[name], score * deviation_degC[name]) for level, score in SCORES.items()}
-
     model = model_of(replace(fit, details={**fit.details, "fleet": dict(said)}), training, {})
-    if (second := model.secondary) is not None:
-        estimator_there = second.estimator._replace(interval=interval(SECONDARY))
-        model = model._replace(secondary=second._replace(estimator=estimator_there))
-    fallbacks = {name: each._replace(interval=interval(name)) for name, each in model.fallbacks.items()}
-    main = model.main._replace(interval=interval(MAIN))
-    return encode(model._replace(created=created, main=main, fallbacks=fallbacks))
+    honest = {}
+    for name, each in estimators_of(model).items():
+        ends = {level: score * deviation_degC[name] for level, score in SCORES.items()}
+        honest[name] = each._replace(interval={level: (-end, end) for level, end in ends.items()})
+    return encode(with_estimators(model, honest)._replace(created=created))

@@ -1,7 +1,6 @@
 """The units that fit the population least, and what is odd about each beside typical ones."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -10,7 +9,7 @@ from joblib import parallel_config
 from ambient_model.faults import Refused
 from ambient_trainer.data.spikes import without_spikes
 from ambient_trainer.estimators.registry import thermal_circuit
-from ambient_trainer.fleet.causes import Typical, learn, name_cause
+from ambient_trainer.fleet.causes import Outlier, Typical, learn, name_cause
 from ambient_trainer.fleet.dataset import Entry, Log, Source, logs, reason_of
 from ambient_trainer.fleet.fit_units import OK
 from ambient_trainer.fleet.pooling import improbability
@@ -20,20 +19,6 @@ _TYPICAL = 40
 """As many as a circuit has numbers: their scatter is the prior of a unit that differs."""
 _DIAGNOSED_FROM = 4.0
 """Six of a thousand simulated units are as improbable without a planted cause."""
-
-
-class Outlier(NamedTuple):
-    """A unit that does not fit the population: minus the decimal logarithm of how probable it is, and the cause.
-
-    ``confidence`` is the cause's probability; ``rivals`` are those that are a tenth as probable at least.
-    """
-
-    unit: str
-    improbability: float
-    cause: str | None = None
-    location: str | None = None
-    confidence: float | None = None
-    rivals: str | None = None
 
 
 def scored(table: pd.DataFrame) -> pd.DataFrame:
@@ -86,12 +71,11 @@ def _named(log: Log, typical: Typical | str) -> Outlier:
         return undiagnosed(log, log.reason or str(typical))
     try:
         with parallel_config(n_jobs=1):
-            found = name_cause(typical, without_spikes(log.trace)[0])
+            return name_cause(typical, without_spikes(log.trace)[0], log.unit)
     except Refused as refused:
         return undiagnosed(log, reason_of(refused))
-    return Outlier(log.unit, np.nan, found.cause, found.location, found.confidence, "; ".join(found.rivals) or None)
 
 
 def undiagnosed(of: Entry | Log, reason: str) -> Outlier:
     """One without a verdict."""
-    return Outlier(of.unit, np.nan, f"not diagnosed: {reason}")
+    return Outlier(of.unit, cause=f"not diagnosed: {reason}")

@@ -58,9 +58,9 @@ class Normal(NamedTuple):
         """Those of several logs."""
         return cls(*(np.array(part) for part in zip(*each)))
 
-    def total(self, axis: int = 0) -> Normal:
+    def total(self) -> Normal:
         """Those of all together."""
-        return Normal(*(each.sum(axis=axis) for each in self))
+        return Normal(*(each.sum(axis=0) for each in self))
 
     def squares(self, c: Array) -> Array:
         """Per unit the sum of squared errors at coordinates c (u, p)."""
@@ -139,26 +139,20 @@ class Population:
         return post._replace(mean=post.mean - given_up, covariance=covariance), share
 
     @property
-    def noise_degC(self) -> float:
-        """Standard deviation of what no gains explain."""
-        return float(np.sqrt(self.variance_degC2))
-
-    @property
-    def between_degC(self) -> float:
-        """Standard deviation of the estimate between the units of a group."""
-        return float(np.sqrt(np.trace(self.between)))
-
-    @property
     def summary(self) -> dict[str, float]:
-        """From how many units it was learnt, and what it says of errors."""
-        errors = {"noise_degC": self.noise_degC, "between_units_degC": self.between_degC}
+        """From how many units it was learnt, and deviations: of what no gains explain, and between units of a group."""
+        noise, between = np.sqrt([self.variance_degC2, np.trace(self.between)]).tolist()
+        errors = {"noise_degC": noise, "between_units_degC": between}
         return {"learnt_from": self.units, "memory_s": self.memory_s, **errors}
+
+    def deviation_degC(self, covariance: Array) -> Array:
+        """Of the error to expect: the noise, and what is not known of gains (..., p, p), over the population's use."""
+        return np.sqrt(self.variance_degC2 + np.trace(covariance, axis1=-2, axis2=-1))
 
     @property
     def unseen_degC(self) -> float:
         """Of the error to expect of a unit that was never seen, about ``mean``."""
-        covariance = self.between + self.group_between + self.mean_covariance
-        return float(np.sqrt(self.variance_degC2 + np.trace(covariance)))
+        return float(self.deviation_degC(self.between + self.group_between + self.mean_covariance))
 
 
 def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Population:

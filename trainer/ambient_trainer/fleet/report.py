@@ -1,22 +1,17 @@
 """The report of a fleet: its population, errors under the three ways of pooling, and units that do not fit it."""
 
-from __future__ import annotations
-
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ambient_trainer.fleet.outliers import Outlier
+from ambient_trainer.estimators.model_file import MAIN
+from ambient_trainer.fleet.causes import Outlier
 from ambient_trainer.fleet.run import FleetFit
-from ambient_trainer.fleet.space import MAIN
-from ambient_trainer.report import Block, Facts, Figure, Finding, Report, Section, Table
+from ambient_trainer.report import Block, Facts, Figure, Finding, Plot, Report, Section, Table
 from ambient_trainer.report.palette import BASELINE, ERROR, ESTIMATE, GREY, LIMIT
 from ambient_trainer.report.plots import add_curve, panel_figure
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go  # type: ignore[import-untyped]
 
 _WAYS = {"pooled": BASELINE, "separate": ERROR, "partial": ESTIMATE}
 _SHARES = (50, 90, 100)
@@ -77,14 +72,14 @@ def report_of(fleet: FleetFit) -> Report:
 
 
 def _hyperparameters(fleet: FleetFit, good: pd.DataFrame) -> list[tuple[str, str, str]]:
-    population = fleet.population
+    said = fleet.population.summary
     return [
-        ("between of units", f"{population.between_degC:.2f}", "degC in the estimate"),
-        ("noise", f"{population.noise_degC:.2f}", "degC that no gains explain"),
-        ("memory", f"{population.memory_s:.0f}", "s that errors go together"),
+        ("between of units", f"{said['between_units_degC']:.2f}", "degC in the estimate"),
+        ("noise", f"{said['noise_degC']:.2f}", "degC that no gains explain"),
+        ("memory", f"{said['memory_s']:.0f}", "s that errors go together"),
         ("effective samples", f"{good['effective_samples'].median():.1f}", "a unit (median)"),
         ("shrinkage", f"{good['shrinkage'].median():.2f}", "of a unit (median); 1 is all the population's"),
-        ("unseen unit", f"{1.645 * population.unseen_degC:.2f}", "degC, half the 90 % interval"),
+        ("unseen unit", f"{1.645 * fleet.population.unseen_degC:.2f}", "degC, half the 90 % interval"),
     ]
 
 
@@ -95,7 +90,7 @@ def _outlier(each: Outlier) -> tuple[str, str, str, str]:
     return each.unit, f"10^-{each.improbability:.1f}", cause, sure
 
 
-def _errors(errors: dict[str, Any]) -> go.Figure:
+def _errors(errors: dict[str, Any]) -> Plot:
     figure = panel_figure("share of units, %", "RMSE in degC", 320)
     for way, colour in _WAYS.items():
         # two hundred points show ten thousand units as well as all of them
@@ -106,7 +101,7 @@ def _errors(errors: dict[str, Any]) -> go.Figure:
     return figure
 
 
-def _distributions(good: pd.DataFrame, names: tuple[str, ...]) -> go.Figure:
+def _distributions(good: pd.DataFrame, names: tuple[str, ...]) -> Plot:
     figure = panel_figure("parameter", "(value - median) / (interquartile range)", 340)
     for name in names:
         values = good[name].to_numpy()
@@ -118,7 +113,7 @@ def _distributions(good: pd.DataFrame, names: tuple[str, ...]) -> go.Figure:
     return figure
 
 
-def _map(fleet: FleetFit, good: pd.DataFrame, names: tuple[str, ...]) -> go.Figure:
+def _map(fleet: FleetFit, good: pd.DataFrame, names: tuple[str, ...]) -> Plot:
     """The two directions in which the parameters vary most."""
     import plotly.graph_objects as go
 

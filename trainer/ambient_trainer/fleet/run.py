@@ -20,16 +20,15 @@ from ambient_model import __version__
 from ambient_model.faults import Refused, refuse
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import sha256_of
-from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.registry import estimator, thermal_circuit
+from ambient_trainer.estimators import Effort, estimator, thermal_circuit
+from ambient_trainer.estimators.model_file import MAIN
 from ambient_trainer.fleet import fit_units, outliers
+from ambient_trainer.fleet.causes import Outlier
 from ambient_trainer.fleet.dataset import FEWEST, Entry, entries, model_name, too_few
 from ambient_trainer.fleet.engine import Engine, Job, unpacked
 from ambient_trainer.fleet.fit_units import Learnt, Looked, Question, Start
-from ambient_trainer.fleet.outliers import Outlier
 from ambient_trainer.fleet.parts import Parts, Progress, Stage, write_whole
 from ambient_trainer.fleet.pooling import Normal, Population, pooled
-from ambient_trainer.fleet.space import MAIN
 
 CHUNK = 50
 """Units a task: at one a task, the engine costs six times the work."""

@@ -20,12 +20,11 @@ from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data import Array, Segment, Trace, segments
 from ambient_trainer.estimation.uncertainty import residual_memory
-from ambient_trainer.estimators.base import Fit
+from ambient_trainer.estimators import Fit
+from ambient_trainer.estimators.model_file import MAIN, SECONDARY, WITHOUT
 from ambient_trainer.fleet.pooling import Normal
 from ambient_trainer.lti import Hold, StateSpace, discretised, equilibrium, states
 
-MAIN = "main"
-SECONDARY = "secondary"
 BLOCKS = 5
 """A unit's log is cut in so many for its held-out error; as many as `fit` takes for its own."""
 _BRIDGED_S = 120.0
@@ -60,15 +59,11 @@ class Space:
     def regressors(self, segment: Segment) -> Array:
         """Inputs, one, and the modes' responses to each input: (P, N)."""
         u, n = segment.inputs, len(self.modes)
-        rows = [u, np.ones((1, u.shape[1]))]
-        if n:
-            C = np.diag(self.scale)
-            one = StateSpace(self.modes, self.drive[:, None], C, np.zeros((n, 1)), np.zeros(n))
-            discrete = discretised(one, segment.period_s, self.hold)
-            x = states(discrete.A, discrete.B[..., None] * u, equilibrium(one) * u[:, 0])
-            read = np.tensordot(discrete.C, x, 1) + discrete.D[..., None] * u
-            rows.append(read.swapaxes(0, 1).reshape(-1, u.shape[1]))
-        return np.concatenate(rows)
+        one = StateSpace(self.modes, self.drive[:, None], np.diag(self.scale), np.zeros((n, 1)), np.zeros(n))
+        discrete = discretised(one, segment.period_s, self.hold)
+        x = states(discrete.A, discrete.B[..., None] * u, equilibrium(one) * u[:, 0])
+        read = np.tensordot(discrete.C, x, 1) + discrete.D[..., None] * u
+        return np.concatenate([u, np.ones((1, u.shape[1])), *read.swapaxes(0, 1)])
 
     def samples(self, trace: Trace) -> tuple[Array, Array, Array]:
         """Regressors (P, N), the reference (N,) and the period in s (N,) of the samples that have a reference."""
@@ -110,13 +105,10 @@ class Space:
 
         The DC gain of each input, and the offset.
         """
-        m, n = len(self.inputs), len(self.modes)
-        raw = np.zeros((m + 1, len(self.origin)))
-        raw[:, : m + 1] = np.eye(m + 1)
-        if n:
-            at_rest = self.scale * np.linalg.solve(-self.modes, self.drive)
-            for j in range(m):
-                raw[j, m + 1 + j * n : m + 1 + (j + 1) * n] = at_rest
+        m = len(self.inputs)
+        at_rest = self.scale * np.linalg.solve(-self.modes, self.drive)
+        raw = np.eye(m + 1, len(self.origin))
+        raw[:m, m + 1 :] = np.kron(np.eye(m), at_rest)
         names = (*(f"dc_gain_{each.rpartition('_')[0]}" for each in self.inputs), "offset_degC")
         return names, raw @ self.origin, raw @ self.weights
 
@@ -135,13 +127,13 @@ def grids(trace: Trace, inputs: Sequence[str]) -> list[Segment]:
 def members(fit: Fit) -> dict[str, Fit]:
     """The linear systems of a fit by name: its main one, the secondary, and the fallbacks."""
     second = {} if fit.secondary is None else {SECONDARY: fit.secondary.fit}
-    return {MAIN: fit, **second, **fit.fallbacks}
+    return {MAIN: fit, **second, **{WITHOUT.format(name): each for name, each in fit.fallbacks.items()}}
 
 
 def changed(fit: Fit, change: Callable[[Fit, str], Fit]) -> Fit:
     """``fit`` with each of its members changed, of which ``change`` gets the name, too."""
     second = fit.secondary and fit.secondary._replace(fit=change(fit.secondary.fit, SECONDARY))
-    fallbacks = {name: change(each, name) for name, each in fit.fallbacks.items()}
+    fallbacks = {name: change(each, WITHOUT.format(name)) for name, each in fit.fallbacks.items()}
     return replace(change(fit, MAIN), secondary=second, fallbacks=fallbacks)
 
 
@@ -164,10 +156,9 @@ def space_of(fit: Fit, traces: Sequence[Trace]) -> Space:
         what = ", ".join(fit.outputs)
         raise refuse(fit.circuit, "outputs", f"it predicts {what}", "take a circuit whose output is 'ambient'")
     n, m = len(fit.system.A), len(fit.inputs)
-    modes = schur(fit.system.A)[0] if n else np.zeros((0, 0))
-    drive = np.ones(n)
+    modes, drive = schur(fit.system.A)[0] if n else np.zeros((0, 0)), np.ones(n)
     # one input of constant strength reaches every mode; each is scaled to what it is at rest
-    rest = np.abs(np.linalg.solve(-modes, drive)) if n else np.zeros(0)
+    rest = np.abs(np.linalg.solve(-modes, drive))
     size = m + 1 + n * m
     start = Space(fit.inputs, modes, drive, 1 / np.maximum(rest, 1e-9), fit.hold, np.zeros(size), np.eye(size))
     raw, reference, _ = zip(*map(start.samples, traces))

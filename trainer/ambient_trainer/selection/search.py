@@ -20,8 +20,7 @@ from ambient_trainer.circuits import Circuit, assemble
 from ambient_trainer.data import Array, Segment, Trace, segments
 from ambient_trainer.estimation import CircuitStructure, FreeFilter, Structure
 from ambient_trainer.estimation.validation import Block, cut_in_blocks, refitted
-from ambient_trainer.estimators.base import slowest_period_s, source_of
-from ambient_trainer.estimators.estimate import estimate_degC
+from ambient_trainer.estimators import estimate_degC, slowest_period_s, source_of
 from ambient_trainer.lti import Hold, StateSpace, dc_gain, noise_gain
 from ambient_trainer.selection.grams import Grams, Sensors, banks, best_sets, gathered
 from ambient_trainer.selection.resumable import ResumablePool

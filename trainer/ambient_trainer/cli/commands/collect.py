@@ -13,6 +13,7 @@ import click
 import ambient_trainer as at
 from ambient_model.faults import Fault
 from ambient_trainer import cli
+from ambient_trainer.cli.progress import handled
 
 if TYPE_CHECKING:
     from ambient_trainer.laboratory.campaign import LoadedCampaign
@@ -91,7 +92,10 @@ def _run(job: Job, again: bool) -> int:
     from ambient_trainer.laboratory.report import collection_report, problems_of
     from ambient_trainer.laboratory.run import Supervision
 
-    with _caught_signals() as caught, monitor_of(cli.printer(), job) as monitor:
+    # they end nothing by themselves; one that is ignored stays so: nohup means it
+    caught: list[int] = []
+    wanted = [each for each in _SIGNALS if signal.getsignal(each) is not signal.SIG_IGN]
+    with handled(lambda number, _: caught.append(number), *wanted), monitor_of(cli.printer(), job) as monitor:
         supervision = Supervision(
             monitor.update,
             monitor.event,
@@ -104,17 +108,3 @@ def _run(job: Job, again: bool) -> int:
         click.echo(f"ambient-trainer: {problem}", err=True)
     outcome = collected.outcome
     return 0 if outcome.finished and outcome.alarm is None and outcome.safe else 1
-
-
-@contextmanager
-def _caught_signals() -> Iterator[list[int]]:
-    """The signals that came while the block ran; they end nothing by themselves."""
-    caught: list[int] = []
-    # one that is ignored stays so: nohup means it
-    wanted = [each for each in _SIGNALS if signal.getsignal(each) is not signal.SIG_IGN]
-    before = {each: signal.signal(each, lambda number, _: caught.append(number)) for each in wanted}
-    try:
-        yield caught
-    finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)

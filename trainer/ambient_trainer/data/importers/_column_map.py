@@ -5,8 +5,6 @@ column's name ends with, then multiplied by ``scale``, then raised by ``offset``
 table's columns are called 1, 2, 3, ...
 """
 
-from __future__ import annotations
-
 import codecs
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal

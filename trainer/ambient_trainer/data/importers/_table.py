@@ -172,16 +172,14 @@ class _Reading:
         self.map = column_map
         self.unreadable: Mask = np.zeros(len(cells), dtype=bool)
 
-    def _refuse(self, row: int, column: str, problem: str, hint: str) -> Refused:
-        return refuse(self.path, f"line {self.cells.index[row]}, column {column}", problem, hint)
-
     def _bad(self, rows: Mask, column: str, fault: Callable[[str], tuple[str, str]]) -> None:
         """Drop ``rows``, or refuse the first of them with the problem and the hint that ``fault`` makes of its text."""
         if self.map.bad_rows == "drop":
             self.unreadable |= rows
         elif rows.any():
             row = int(np.argmax(rows))
-            raise self._refuse(row, column, *fault(self.cells[column].iloc[row]))
+            place = f"line {self.cells.index[row]}, column {column}"
+            raise refuse(self.path, place, *fault(self.cells[column].iloc[row]))
 
     def time(self) -> tuple[Array, str]:
         """Seconds since the first row, to the microsecond, and the first row's time: an ISO date, or seconds."""
@@ -225,10 +223,10 @@ class _Reading:
         source = self.map.time
         if source.not_increasing == "refuse" and not later.all():
             index = int(np.argmin(later))
-            texts = self.cells[source.column].iloc[rows[[index - 1, index]]]
-            problem = f"{texts.iloc[1]} does not come after {texts.iloc[0]} (rows out of order: {int((~later).sum())})"
+            before, text = self.cells[source.column].iloc[rows[[index - 1, index]]]
+            problem = f"{text} does not come after {before} (rows out of order: {int((~later).sum())})"
             hint = "correct the rows, or drop them with 'not_increasing: drop' in the map's 'time'"
-            raise self._refuse(rows[index], source.column, problem, hint)
+            raise refuse(self.path, f"line {self.cells.index[rows[index]]}, column {source.column}", problem, hint)
         kept = np.zeros(len(time_s), dtype=bool)
         kept[rows[later]] = True
         return kept

@@ -4,7 +4,6 @@ It is taken whole or refused with every fault and its place in one message.
 """
 
 from collections.abc import Iterator
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,10 +12,10 @@ from pydantic import Field
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.trace import REFERENCE, split_column
 from ambient_trainer.circuits import Circuit, circuit_names, load_circuit
-from ambient_trainer.data.strict_yaml import Strict, holds, load_yaml, parse_yaml, validated
+from ambient_trainer.data.strict_yaml import Strict, holds, load_yaml, validated
 
 FORMAT = "ambient-observer"
-_LIBRARY = resources.files("ambient_trainer.estimators") / "library"
+_LIBRARY = Path(__file__).parents[1] / "library"
 LOGGED, IDLE, RESIDUAL = "logged", "idle", "residual"
 """The runs of every training set, beside the patterns'."""
 
@@ -182,7 +181,7 @@ class Recipe(Strict):
 
 def recipe_names() -> tuple[str, ...]:
     """The names of the shipped recipes."""
-    return tuple(sorted(each.name.removesuffix(".yaml") for each in _LIBRARY.iterdir() if each.name.endswith(".yaml")))
+    return tuple(sorted(path.stem for path in _LIBRARY.glob("*.yaml")))
 
 
 def find_recipe(name_or_path: str) -> tuple[Recipe, Circuit] | None:
@@ -190,13 +189,9 @@ def find_recipe(name_or_path: str) -> tuple[Recipe, Circuit] | None:
 
     Raises :class:`Refused` with every fault of a file that calls itself one.
     """
-    if name_or_path in recipe_names():
-        data = parse_yaml((_LIBRARY / f"{name_or_path}.yaml").read_text(encoding="utf-8"), name_or_path)
-    elif name_or_path.endswith((".yaml", ".yml")):
-        data = load_yaml(name_or_path)
-    else:
-        return None
-    return read_recipe(data, name_or_path) if isinstance(data, dict) and data.get("format") == FORMAT else None
+    path = str(_LIBRARY / f"{name_or_path}.yaml") if name_or_path in recipe_names() else name_or_path
+    data = load_yaml(path) if path.endswith((".yaml", ".yml")) else None
+    return read_recipe(data, path) if isinstance(data, dict) and data.get("format") == FORMAT else None
 
 
 def read_recipe(data: Any, source: str) -> tuple[Recipe, Circuit]:

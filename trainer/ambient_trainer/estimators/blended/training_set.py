@@ -62,11 +62,9 @@ def synthetic_ambient(ambient: AmbientModel, rule: Synthetic, count: int, random
     while len(set_points) < count:
         stay = max(1, round(random.uniform(*rule.stay_min) * 60.0 / T))
         set_points += [random.uniform(*rule.ambient_degC)] * stay
-    step, now, ramp = ambient.slope_K_s * T, set_points[0], np.empty(count)
-    for index in range(count):
-        ramp[index] = now
-        now += min(max(set_points[index] - now, -step), step)
-    settled = low_pass(ramp, rule.settling_s, T, ramp[0])
+    step, first = ambient.slope_K_s * T, set_points[0]
+    moves = itertools.accumulate(set_points, lambda now, aim: now + min(max(aim - now, -step), step), initial=first)
+    settled = low_pass(np.fromiter(moves, float, count), rule.settling_s, T, first)
     phase = random.uniform(0.0, 2.0 * math.pi)
     swing = ambient.swing_K * np.sin(2.0 * math.pi * T * np.arange(count) / ambient.swing_period_s + phase)
     white = random.standard_normal(count)
@@ -183,9 +181,7 @@ class TrainingSetDesign:
         T = self.ambient.period_s
         count = round(hours * 3600 / T)
         ambient = synthetic_ambient(self.ambient, self.recipe.made_up, count, random)
-        work = np.repeat(self.workload.idle_W[:, None], count, axis=1)
-        if not alone:
-            work = self._work_W(count, random)
+        work = np.repeat(self.workload.idle_W[:, None], count, axis=1) if alone else self._work_W(count, random)
         unlogged = self._unlogged_W(watts or {}, count, random)
         sensors = self.plant.readings_degC(ambient, self.plant.heat_W(*work) + unlogged, T, _PASSES)
         readings = np.vstack([rounded(*each) for each in zip(self._finer(sensors), self.steps_degC)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ambient_trainer.estimation import FreeFilter, Progress, search
 from ambient_trainer.estimators.base import Effort, Estimator, Fit, Training, require_enough
-from ambient_trainer.estimators.searched import MODES, filter_unknowns, fit_of
+from ambient_trainer.estimators.searched import filter_fit
 
 NAMES = ("free-1", "free-2", "free-3", "free-4")
 
@@ -28,6 +28,4 @@ class FreeFilterEstimator(Estimator):
         structure = FreeFilter(self.order, training.segments)
         require_enough(training.traces, structure)
         result = search(structure, effort.starts, effort.seed, progress, effort.budget, effort.first)
-        system = structure.system(result.best.theta, result.best.beta)
-        unknowns, states = filter_unknowns(structure, result.best.theta), MODES[: self.order]
-        return fit_of(structure, result, effort, system, unknowns, self.name, training.columns, states)
+        return filter_fit(self.name, training, self.order, result, effort, unit_gain=False)

@@ -67,14 +67,13 @@ class FreeObserver(Estimator):
             order = selected(held).order if held else min(selection.whole)[1]
             result = replace(selection.whole[True, order], stopped=True)
             remark = f"Stopped before order and noise were selected: this is order {order}."
-            main = filter_fit(self.name, training.columns, segments, order, result, effort)
+            main = filter_fit(self.name, training, order, result, effort)
             return with_fallbacks_and_variance(main, segments, (), None, remark, {})
 
         def fitted(training: Training, effort: Effort, progress: Progress | None) -> Fit:
             structure = constrained(training.segments, *choice[:4])
             result = search(structure, effort.starts, effort.seed, progress, effort.budget)
-            about = choice.order, result, effort, choice.unit_gain
-            return filter_fit(self.name, training.columns, training.segments, *about)
+            return filter_fit(self.name, training, choice.order, result, effort, choice.unit_gain)
 
         def fallback(dropped: int) -> Fit:
             fewer = replace(effort, starts=min(_FALLBACK_STARTS, effort.starts), pieces=1)

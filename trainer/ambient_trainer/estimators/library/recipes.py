@@ -108,14 +108,15 @@ class RecipeEstimator(Estimator):
         columns = ([trace.column(name) for trace in traces] for name in recipe.sensor_columns)
         steps = tuple(resolution_of(np.concatenate(each)) for each in columns)
         design = TrainingSetDesign(recipe, fitted.plant, ambient, workload, period, stride, effort.seed, steps)
-        logged = [Segment(period, each.sensors_degC, each.ambient_degC[None]) for each in records]
-        fit = fit_filters(recipe, design.runs(records), logged, effort, lambda n, *rest: show(1 + n, *rest))
+        runs = design.runs(records)
+        log = Training(recipe.sensor_columns, runs[LOGGED], traces)
+        fit = fit_filters(recipe, runs, log, effort, lambda n, *rest: show(1 + n, *rest))
         # errors are smaller in the very runs that the filters were fitted to
         moments = unseen(recipe, fit, replace(design, draw=1).runs(records))
         lags = recipe.error_variance
         sides = (Term(of, lags.secondary_lag_s, 1.0) for of in ("guard_above", "guard_below"))
         variance = fit_error_variance(moments, period, (Term("movement", lags.movement_lag_s, 1.0), *sides))
-        return _assembled(recipe, replace(fit, error_variance=variance), fitted, logged)
+        return _assembled(recipe, replace(fit, error_variance=variance), fitted, log.segments)
 
 
 def record_of(recipe: Recipe, rows: Mapping[str, Array]) -> Record:
@@ -238,34 +239,30 @@ def published(fit: Fit, segment: Segment) -> Blended:
     return blended(fit.over(segment), fit.secondary.fit.over(segment), fit.secondary.threshold_degC)
 
 
-def fit_filters(
-    recipe: Recipe, runs: TrainingSet, logged: Sequence[Segment], effort: Effort, progress: Progress | None
-) -> Fit:
+def fit_filters(recipe: Recipe, runs: TrainingSet, log: Training, effort: Effort, progress: Progress) -> Fit:
     """The main filter with its secondary one and fallbacks; ``progress`` gets the number of the search.
 
     Cancelled, it leaves out the fallbacks that are not done; before the first it raises :class:`Cancelled`.
     """
-    columns, weights, period_s = recipe.sensor_columns, recipe.weights, logged[0].period_s
+    weights, period_s = recipe.weights, log.segments[0].period_s
     start: Array | None = None
 
     def fitted(number: int, counts: Mapping[str, float], without: int | None = None) -> Fit:
         nonlocal start
-        kept = [index for index in range(len(columns)) if index != without]
+        kept = [index for index in range(len(log.columns)) if index != without]
         fewer = {name: [each.of(kept) for each in several] for name, several in runs.items()}
         structure = recipe_filter(fewer, counts, recipe.filter, period_s)
         if start is not None:
             structure.search = replace(structure.search, initial=start)
-        show = progress and (lambda _, evaluation, square: progress(number, evaluation, square))
-        result = search(structure, 1, effort.seed, show, effort.budget)
+        result = search(structure, 1, effort.seed, lambda _, *rest: progress(number, *rest), effort.budget)
         start = result.best.theta if start is None else start
-        names, segments = [columns[index] for index in kept], [each.of(kept) for each in logged]
-        return filter_fit(recipe.name, names, segments, _STATES, result, effort)
+        return filter_fit(recipe.name, log if without is None else log.without(without), _STATES, result, effort)
 
     main = fitted(0, weights.main)
     secondary = fitted(1, weights.secondary)
     effort.budget.check()
     fallbacks, _ = fallbacks_of(main, lambda index: fitted(2 + index, weights.main, index))
-    differences = np.concatenate([main.over(each) - secondary.over(each) for each in logged])
+    differences = np.concatenate([main.over(each) - secondary.over(each) for each in log.segments])
     threshold = recipe.threshold.times * float(np.percentile(np.abs(differences), recipe.threshold.percent))
     stopped = len(fallbacks) < len(recipe.sensors)
     return replace(main, secondary=SecondaryFit(secondary, threshold), fallbacks=fallbacks, stopped=stopped)
