@@ -6,19 +6,24 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.choice import Step
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms import coupling, heat, mass
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
+from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
-from ambient_trainer.diagnosis.greybox.revision import is_chosen, revised
+from ambient_trainer.diagnosis.greybox.revision import elsewhere, is_chosen, near, revised
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import screen
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit, stepwise
 from ambient_trainer.diagnosis.greybox.trials import Trial, compared
 from ambient_trainer.diagnosis.greybox.windows import sharpened
+from ambient_trainer.diagnosis.record import records
 
+from ...conftest import in_air
 from .conftest import heat as heat_by
 
 
@@ -34,11 +39,11 @@ def test_heat_by_a_current_becomes_heat_by_its_square(circuit, simulated, record
     plain = next(each for each in trials if each.mechanism.key[2] == "current_A")
     wind = next(each for each in coupling.candidates(Scene(plain.fitted)) if each.key[2] == "wind_m_s")
     fitted = fit(plain.fitted.model.with_mechanism(wind), held, prior=bare.prior).refitted()
-    (step,), after = revised([Step(bare, plain, tuple(trials), 2)], fitted, 0)
+    (step,), after = revised([Step(bare, plain, tuple(trials), 2)], fitted, 0, near)
     assert step.chosen.mechanism.key[2] == "current_A^2", seed
     assert [each.key[2] for each in after.model.mechanisms] == ["current_A^2", "wind_m_s"], seed
     assert after.held_out_rmse_degC < 0.5 * fitted.held_out_rmse_degC, seed
-    assert revised([step], after, 0) is None, seed
+    assert revised([step], after, 0, near) is None, seed
 
 
 def test_what_takes_the_place_of_one_window_spares_the_other(circuit, simulated, recorded, seed):
@@ -54,7 +59,7 @@ def test_what_takes_the_place_of_one_window_spares_the_other(circuit, simulated,
     first, sunny = begun(bare, window(0.0, 6000.0)), begun(bare, heat_by("sun_W_m2", 0.002))
     both = begun(first, window(12000.0, 18000.0))
     trials = [replace(Trial.of(bare, each), rmse_degC=1.0) for each in (first, sunny)]
-    _, after = revised([Step(bare, trials[0], tuple(trials), 2)], both, 0)
+    _, after = revised([Step(bare, trials[0], tuple(trials), 2)], both, 0, near)
     assert [each.key[2] for each in after.model.mechanisms] == ["sun_W_m2"], seed
 
 
@@ -78,9 +83,9 @@ def test_what_acts_on_a_body_neither_takes_its_place_nor_outlives_it(circuit, si
     first = with_body(bare, "board")
     warmed, second = begun(first, next(heat.candidates(Scene(first)))), with_body(first, "board_mass")
     tried = [replace(Trial.of(bare, each), rmse_degC=1.0, at_bounds=False) for each in (first, second, warmed)]
-    assert revised([Step(bare, tried[0], tuple(tried), 3)], second, 0) is None, seed
+    assert revised([Step(bare, tried[0], tuple(tried), 3)], second, 0, near) is None, seed
     alone, step = begun(bare, warmed.model.mechanisms[1]), Step(first, tried[2], tuple(tried[1:]), 2)
-    assert revised([step], alone, 0) is None, seed
+    assert revised([step], alone, 0, near) is None, seed
 
 
 def test_a_lag_is_refined_though_its_heat_is_not_the_last(circuit, simulated, recorded):
@@ -113,3 +118,22 @@ def test_a_zone_leaves_the_grid_once_all_is_there_and_shows_what_it_hid(sun_m2, 
     assert level == pytest.approx(20, abs=0.5)
     driven = {each.driver.text for each in found.mechanisms if each.cause == "heat_source"}
     assert driven == {"current_A^2", *(["sun_W_m2"] if sun_m2 else [])}
+
+
+def test_heat_moves_to_where_it_is_once_what_hid_that_is_found(seed):
+    """One sensor reads too much, the other's body is heated: constant heat stood for the first."""
+    draw, time_s, pair = np.random.default_rng(seed), 30.0 * np.arange(1200), forward(in_air("fast slow", 50, 3))
+    air = 20 + np.repeat(draw.normal(0, 4, 30), 40)
+    follows = lfilter([1 - np.exp(-30 / 200)], [1, -np.exp(-30 / 200)], air - air[0]) + air[0]
+    columns = {"fast_degC": follows + 3.0, "slow_degC": follows + draw.uniform(4, 8), "ambient_degC": air}
+    held = records(Trace("pair", time_s, columns), pair.inputs, ["fast_degC", "slow_degC"], 30.0)
+    bare = bare_fit(GreyBox.of(pair), held)
+
+    def begun(before, mechanism):
+        return fit(before.model.with_mechanism(mechanism), held, prior=bare.prior).refitted()
+
+    at = {each.places: Trial.of(bare, begun(bare, each)) for each in heat.candidates(Scene(bare)) if not each.driver}
+    wrong = at["fast",]
+    both = begun(wrong.fitted, Bias(("fast",), (Number("bias_fast", "degC", 2.0),)))
+    (step,), after = revised([Step(bare, wrong, tuple(at.values()), 2)], both, 0, elsewhere)
+    assert step.chosen.mechanism.places == after.model.mechanisms[0].places == ("slow",), seed

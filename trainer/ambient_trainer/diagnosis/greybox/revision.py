@@ -3,7 +3,7 @@ is needless beside it goes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,12 +16,15 @@ from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, assumed, complexity, identified, penalised
 from ambient_trainer.diagnosis.greybox.windows import sharpened
 
-_NEAR, _RIVALS = 0.15, 3
-"""Of the penalised logarithm of the error: a rival that is nearer is tried again, and so many at most."""
+_NEAR, _RIVALS, _ELSEWHERE = 0.15, 3, 2
+"""Of the penalised logarithm of the error: a rival that is nearer is tried again, and so many at most, or elsewhere."""
 
 
-def revised(steps: Sequence[Step], fitted: Fitted, given: int) -> tuple[list[Step], Fitted] | None:
-    """The steps with a rival in the place of what was chosen, and the model with it; None where none does better.
+def revised(
+    steps: Sequence[Step], fitted: Fitted, given: int, rivals: Callable[[Step], Iterator[Trial]]
+) -> tuple[list[Step], Fitted] | None:
+    """The steps with one of its ``rivals`` in the place of what was chosen, and the model with it; None where none does
+    better.
 
     The first ``given`` mechanisms are the circuit's own.
     """
@@ -29,7 +32,7 @@ def revised(steps: Sequence[Step], fitted: Fitted, given: int) -> tuple[list[Ste
         index = _held_at(step, fitted, given)
         if step.chosen is None or index is None:
             continue
-        fits = ((each, _instead(fitted, index, each)) for each in _near(step))
+        fits = ((each, _instead(fitted, index, each)) for each in rivals(step))
         tried = {id(each): other for each, other in fits if other is not None}
         mine = fitted.model.mechanisms[index]
         better = [each for each in step.trials if id(each) in tried and _gains(fitted, mine, tried[id(each)], each)]
@@ -54,7 +57,7 @@ def is_chosen(final: Mechanism, chosen: Mechanism) -> bool:
     return alike and final.lasts == chosen.lasts and final.meets(chosen)
 
 
-def _near(step: Step) -> Iterator[Trial]:
+def near(step: Step) -> Iterator[Trial]:
     """The rivals of a step that do nearly as well, the best form of each.
 
     What lasts, follows a log, or is physics stays before what acts for a while, follows none, or blames an instrument.
@@ -75,6 +78,18 @@ def _near(step: Step) -> Iterator[Trial]:
             continue
         if its.key not in seen and not each.at_bounds:
             seen.add(its.key)
+            yield each
+
+
+def elsewhere(step: Step) -> Iterator[Trial]:
+    """The best of the same cause by the same driver at other places: what else was missing may have hidden where."""
+    assert step.chosen is not None
+    mine, seen = step.chosen.mechanism, {step.chosen.mechanism.places}
+    for each in sorted(step.trials, key=penalised):
+        its = each.mechanism
+        alike = (its.cause, its.key[2], len(its.places), its.lasts) == (mine.cause, mine.key[2], 1, mine.lasts)
+        if alike and its.places not in seen and not each.at_bounds and len(seen) <= _ELSEWHERE:
+            seen.add(its.places)
             yield each
 
 

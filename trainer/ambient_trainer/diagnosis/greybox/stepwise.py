@@ -15,7 +15,7 @@ from ambient_trainer.diagnosis.greybox.conducted import conducted
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.pairs import ABOVE_FLOOR, Progress, beside_second, each_its_own, pair
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit
-from ambient_trainer.diagnosis.greybox.revision import pruned, revised
+from ambient_trainer.diagnosis.greybox.revision import elsewhere, near, pruned, revised
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import (
     Offered,
@@ -97,10 +97,12 @@ def _forward(
         if last is not None:
             _log.info("%s: %.3f -> %.3f", last.mechanism, fitted.held_out_rmse_degC, last.rmse_degC)
             fitted = pruned(last.fitted, given)
+            if (moved := revised(steps[:-1], fitted, given, elsewhere)) is not None:
+                steps, fitted = [*moved[0], steps[-1]], moved[1]
             continue
         coarse_degC, fitted = fitted.held_out_rmse_degC, _retuned(fitted, given)
         finer = fitted.held_out_rmse_degC < np.exp(-LEAST_GAIN) * coarse_degC
-        again = revised(steps[:-1], fitted, given)
+        again = revised(steps[:-1], fitted, given, near)
         if again is not None:
             steps, fitted = again
         elif finer:
