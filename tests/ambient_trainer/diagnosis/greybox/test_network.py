@@ -130,8 +130,9 @@ def test_changes_of_one_loss_multiply(circuit, simulated, recorded, order):
 
     def slope(now_s, degC):
         outside, wind = (np.interp(now_s, record.time_s, record.signals[each]) for each in ("ambient_degC", "wind_m_s"))
-        loss = 0.2 * (1.0 + 0.3 * wind) * (1.0 - 0.5 * (6000.0 < now_s < 12_000.0)) * (outside - degC[0])
-        return [loss * (abs(outside - degC[0]) / 5.0) ** 0.25 / 50.0]
+        covered = 1.0 - 0.5 * (6000.0 < now_s < 12_000.0)
+        blown = 0.3 * wind + (abs(outside - degC[0]) / 5.0) ** 0.25
+        return [0.2 * covered * blown * (outside - degC[0]) / 50.0]
 
     assert np.sqrt(np.mean((read - integrated(slope, record, [35.0])[0]) ** 2)) < 0.05
 

@@ -13,7 +13,7 @@ from ambient_model.trace import split_column
 from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Limits, Step, gains, twins
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit, fit_near
-from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.scene import LIGHT, Scene
 from ambient_trainer.diagnosis.greybox.screening import Offered, Screened, lasting_candidates, screen, shortlist
 from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, compared, complexity, identified, penalised
 from ambient_trainer.diagnosis.greybox.windows import Columns
@@ -68,12 +68,12 @@ def pair(step: Step, beside: Sequence[Fitted], limits: Limits, offered: Offered,
 
 
 def _firsts(step: Step, unlogged: bool) -> list[Trial]:
-    """Of heat, and masses, the best trial at one place and at several, by each driver."""
+    """Of heat, and masses, the best trial at one place and at several, by each driver; of one sun's the best."""
     begun: dict[object, Trial] = {}
     for each in [*([step.chosen] if step.chosen else []), *sorted(step.trials, key=penalised)]:
         if _stores_or_heats(each.mechanism, unlogged):
             cause, places, driver = each.mechanism.key
-            begun.setdefault((cause, len(places) > 1, driver), each)
+            begun.setdefault((cause, len(places) > 1, "sun" if driver.endswith(LIGHT) else driver), each)
     return list(begun.values())[:_PAIRED]
 
 

@@ -1,4 +1,4 @@
-"""A body of its own temperature holds on to a node that sees the air for a while: a hand, a table, a pocket."""
+"""A body of its own temperature holds on to a node for a while: a hand, a table, a pocket."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -27,13 +27,13 @@ class Contact(Joined):
 
 
 def begun(scene: Scene) -> Iterator[Mechanism]:
-    """A contact of each outer node, with its own window: between a warm body and cold air heat changes its sign."""
-    return (_contact(scene, each) for each in scene.nodes if scene.loss(each) > 0)
+    """A contact of each node: between a warm body and cold air heat changes its sign, so its window is its own."""
+    return (_contact(scene, each) for each in scene.nodes)
 
 
 def beside(scene: Scene, placed: Mechanism) -> Iterator[Mechanism]:
-    """A contact in the window in which heat into one outer node explains something."""
-    if len(placed.places) == 1 and placed.cause == "heat_source" and scene.loss(placed.places[0]) > 0:
+    """A contact in the window in which heat into one node explains something."""
+    if len(placed.places) == 1 and placed.cause == "heat_source":
         yield replace(_contact(scene, placed.places[0]), onset_s=placed.onset_s, end_s=placed.end_s)
 
 
