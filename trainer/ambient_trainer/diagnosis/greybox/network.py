@@ -57,8 +57,8 @@ class Network:
     """Conductances that vary: nodes (k,), W/K (P, k, N), and the temperature on the other side (broadcast to that)."""
     pairs: list[tuple[int, int, Array]] = field(default_factory=list)
     """Conductances between two nodes that vary, (P, N)."""
-    covered: dict[tuple[int, int], Array] = field(default_factory=dict)
-    """How much of a node's own loss to a boundary is left where something lowers it, (P, N)."""
+    shares: list[tuple[NDArray[np.intp], int, Array]] = field(default_factory=list)
+    """What changes losses: nodes (k,), a boundary, and by what share (P, k, N)."""
     powers: list[tuple[int, int, Array]] = field(default_factory=list)
     """Losses G |d/d0|^p d instead of G d: node, boundary, and d0 in K and p (2, P). What covers a node lowers that,
     what blows on it adds a loss that is in proportion."""
@@ -154,9 +154,9 @@ class Network:
 
     def change_loss(self, nodes: NDArray[np.intp], boundary: int, share: Array) -> None:
         """Shares (P, k, N) more of what ``nodes`` lose to a boundary as it stands."""
+        self.shares.append((nodes, boundary, share))
         for node, more in zip(nodes.tolist(), np.moveaxis(share, 1, 0)):
             row = self.bent.get((node, boundary), np.zeros((self.lanes, 1)))
-            self.covered[node, boundary] = self.covered.get((node, boundary), 1.0) * (1.0 + np.minimum(more, 0.0))
             more = more * (self.to_boundary[:, node, boundary, None] + row)
             mean = more.mean(axis=1)
             self.to_boundary[:, node, boundary] += mean
@@ -192,7 +192,10 @@ class Network:
         air_degC = self.boundary_degC[losses[:, 1]]
         power_G = np.zeros((len(losses), lanes, samples))
         for row, (node, air) in zip(power_G, losses.tolist()):
-            row += self.loss[:, node, air, None] * self.covered.get((node, air), 1.0)
+            row += self.loss[:, node, air, None]
+            for nodes, boundary, share in self.shares:
+                for lower in np.minimum(np.moveaxis(share, 1, 0)[(nodes == node) & (boundary == air)], 0.0):
+                    row *= 1.0 + lower
         return Terms(known, fall, pair_nodes, pair_G, power_node, air_degC, power_G, power, phase_nodes, phase)
 
     def frozen(self, nodes_degC: Array) -> None:
