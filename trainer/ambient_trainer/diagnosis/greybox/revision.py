@@ -17,7 +17,7 @@ from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, assumed, co
 from ambient_trainer.diagnosis.greybox.windows import sharpened
 
 _NEAR, _RIVALS, _ELSEWHERE = 0.15, 3, 2
-"""Of the penalised logarithm of the error: a rival that is nearer is tried again, and so many at most, or elsewhere."""
+"""Of the penalised logarithm of the error: a rival that is nearer is tried again; so many at most, and other places."""
 
 
 def revised(
@@ -82,13 +82,14 @@ def near(step: Step) -> Iterator[Trial]:
 
 
 def elsewhere(step: Step) -> Iterator[Trial]:
-    """The best of the same cause by the same driver at other places: what else was missing may have hidden where."""
+    """For what is at one place the same at others: what else was missing may have hidden where it is."""
     assert step.chosen is not None
     mine, seen = step.chosen.mechanism, {step.chosen.mechanism.places}
     for each in sorted(step.trials, key=penalised):
         its = each.mechanism
-        alike = (its.cause, its.key[2], len(its.places), its.lasts) == (mine.cause, mine.key[2], 1, mine.lasts)
-        if alike and its.places not in seen and not each.at_bounds and len(seen) <= _ELSEWHERE:
+        alike = (its.cause, its.key[2], its.lasts) == (mine.cause, mine.key[2], mine.lasts)
+        single = len(its.places) == len(mine.places) == 1
+        if alike and single and its.places not in seen and not each.at_bounds and len(seen) <= _ELSEWHERE:
             seen.add(its.places)
             yield each
 
