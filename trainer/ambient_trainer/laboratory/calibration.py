@@ -58,7 +58,10 @@ class Bath:
     def windows(
         self, count: int, settled: Settled, show: Callable[[str], None], record_path: str | None
     ) -> list[pd.DataFrame]:
-        """The settled windows of ``count`` temperatures; all readings go to ``record_path``, also of a failure."""
+        """The settled window of each of ``count`` temperatures; all readings go to ``record_path``, also of a failure.
+
+        ``show`` gets a line at each sample; for errors see :meth:`until_settled`.
+        """
         found: list[pd.DataFrame] = []
         try:
             for point in range(count):
