@@ -229,8 +229,11 @@ def test_a_heater_with_a_body_of_its_own_is_late_by_a_lag(circuit, simulated, se
 
 
 def test_what_is_no_finding_keeps_no_pair_away(circuit, simulated, recorded, monkeypatch):
-    """Such as a window beside a current; and a loss that begins goes with the column alone that does best by itself."""
+    """Such as a window beside a current; and a loss that begins goes with the column alone that does best by itself.
+    Of two pyranometers of one sun one is followed."""
     trace = simulated(5, heat_W=lambda now, degC: 1.5 + 0.8 * now["current_A"] ** 2)
+    beam = {"beam_W_m2": np.where(trace.columns["sun_W_m2"] > 400, trace.columns["sun_W_m2"], 0.0)}
+    trace = replace(trace, columns={**trace.columns, **beam})
     bare, begins = bare_fit(GreyBox.of(circuit), recorded(trace)), {}
 
     def tried(before, driver=None, onset_s=None):
@@ -244,7 +247,7 @@ def test_what_is_no_finding_keeps_no_pair_away(circuit, simulated, recorded, mon
         return [replace(tried(before, onset_s=18000.0), rmse_degC=1e-3) if driver == "current_A" else tried(before)]
 
     monkeypatch.setitem(pair.__globals__, "compared", compared)
-    plain, *others = (tried(bare, driver) for driver in ("current_A", "current_A^2", "sun_W_m2"))
+    plain, *others = (tried(bare, driver) for driver in ("current_A", "current_A^2", "sun_W_m2", "beam_W_m2"))
     steps = pair(Step(bare, plain, (plain, *others), 2), (), Limits(), every_candidate, lambda *given: None)
     assert [each.chosen.mechanism.key[2] for each in steps] == ["current_A^2", ""]
     assert begins == {"current_A": True, "current_A^2": True, "sun_W_m2": False}
