@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lsim
 
+from ambient_trainer.circuits.addition import with_body, with_edge
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.choice import Step
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms import coupling, heat, mass
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
-from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
-from ambient_trainer.diagnosis.greybox.revision import elsewhere, is_chosen, near, revised
+from ambient_trainer.diagnosis.greybox.revision import is_chosen, near, revised
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import screen
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit, stepwise
@@ -25,6 +25,10 @@ from ambient_trainer.diagnosis.record import records
 
 from ...conftest import in_air
 from .conftest import heat as heat_by
+
+
+def begun(before, mechanism):
+    return fit(before.model.with_mechanism(mechanism), before.records, prior=before.prior).refitted()
 
 
 def test_heat_by_a_current_becomes_heat_by_its_square(circuit, simulated, recorded, seed):
@@ -38,7 +42,7 @@ def test_heat_by_a_current_becomes_heat_by_its_square(circuit, simulated, record
     trials = [replace(each, rmse_degC=1.0) for each in compared(bare, screened, lambda done, total: None)]
     plain = next(each for each in trials if each.mechanism.key[2] == "current_A")
     wind = next(each for each in coupling.candidates(Scene(plain.fitted)) if each.key[2] == "wind_m_s")
-    fitted = fit(plain.fitted.model.with_mechanism(wind), held, prior=bare.prior).refitted()
+    fitted = begun(plain.fitted, wind)
     (step,), after = revised([Step(bare, plain, tuple(trials), 2)], fitted, 0, near)
     assert step.chosen.mechanism.key[2] == "current_A^2", seed
     assert [each.key[2] for each in after.model.mechanisms] == ["current_A^2", "wind_m_s"], seed
@@ -49,9 +53,6 @@ def test_heat_by_a_current_becomes_heat_by_its_square(circuit, simulated, record
 def test_what_takes_the_place_of_one_window_spares_the_other(circuit, simulated, recorded, seed):
     held = recorded(simulated(seed, heat_W=lambda now, _: 0.002 * now["sun_W_m2"]))
     bare = bare_fit(GreyBox.of(circuit), held)
-
-    def begun(before, mechanism):
-        return fit(before.model.with_mechanism(mechanism), held, prior=bare.prior).refitted()
 
     def window(onset_s, end_s):
         return Heat(("board",), (Number("heat_board", "W", 0.6, scale=1.0),), onset_s=onset_s, end_s=end_s)
@@ -73,9 +74,6 @@ def test_what_acts_on_a_body_neither_takes_its_place_nor_outlives_it(circuit, si
     """A body behind a body has nothing to hang on where it replaces the first, or where that was dropped."""
     held = recorded(simulated(seed, heat_W=lambda now, _: 0.8 * now["current_A"], mass=(0.5, 400.0)))
     bare = bare_fit(GreyBox.of(circuit), held)
-
-    def begun(before, mechanism):
-        return fit(before.model.with_mechanism(mechanism), held, prior=bare.prior).refitted()
 
     def with_body(before, at):
         return begun(before, next(each for each in mass.candidates(Scene(before)) if each.places == (at,)))
@@ -121,19 +119,31 @@ def test_a_zone_leaves_the_grid_once_all_is_there_and_shows_what_it_hid(sun_m2, 
 
 
 def test_heat_moves_to_where_it_is_once_what_hid_that_is_found(seed):
-    """One sensor reads too much, the other's body is heated: constant heat stood for the first."""
-    draw, time_s, pair = np.random.default_rng(seed), 30.0 * np.arange(1200), forward(in_air("fast slow", 50, 3))
-    air = 20 + np.repeat(draw.normal(0, 4, 30), 40)
-    follows = lfilter([1 - np.exp(-30 / 200)], [1, -np.exp(-30 / 200)], air - air[0]) + air[0]
-    columns = {"fast_degC": follows + 3.0, "slow_degC": follows + draw.uniform(4, 8), "ambient_degC": air}
-    held = records(Trace("pair", time_s, columns), pair.inputs, ["fast_degC", "slow_degC"], 30.0)
-    bare = bare_fit(GreyBox.of(pair), held)
+    """Of two heaters that go together the one is at an end of a row, and the other seems to be until that is known."""
+    draw, time_s = np.random.default_rng(seed), 30.0 * np.arange(1200)
+    row = with_edge(with_body(in_air("one three", 50, 4), "one", 50, 2), "one_mass", "three", 2)
+    # one number alone is free: others would do for a place
+    numbers = [replace(each, free=each.name == "R_one") for each in row.parameters]
+    row = forward(replace(row, parameters=tuple(numbers)))
+    air, big = 20 + np.repeat(draw.normal(0, 3, 30), 40), np.repeat(draw.uniform(0, 1, 40), 30)
+    small = 0.5 * big + 0.5 * np.repeat(draw.uniform(0, 1, 24), 50)
+    A = np.array([[-0.75, 0.0, 0.5], [0.0, -0.75, 0.5], [0.5, 0.5, -1.0]]) / 50
+    B = np.array([[0.25, 0.0, 5.0], [0.25, 0.0, 0.0], [0.0, 2.0, 0.0]]) / 50
+    inputs = np.column_stack([air, big, small])
+    one, three = lsim((A, B, np.eye(3)[:2], np.zeros((2, 3))), inputs, time_s, [air[0]] * 3)[1].T
+    columns = {"one_degC": one, "three_degC": three, "ambient_degC": air, "big_frac": big, "small_frac": small}
+    noisy = {name: each + draw.normal(0, 0.03, 1200) for name, each in columns.items()}
+    held = records(Trace("row", time_s, noisy), row.inputs, ["one_degC", "three_degC"], 30.0)
 
-    def begun(before, mechanism):
-        return fit(before.model.with_mechanism(mechanism), held, prior=bare.prior).refitted()
+    def offered(scene, columns):
+        driven = {"big_frac": scene.nodes, "small_frac": scene.nodes[: len(scene.known_heat)][:1]}
+        for driver, nodes in driven.items():
+            for node in nodes:
+                yield Heat((node,), (Number(f"heat_{node}", "W", 0.0),), Expression(driver))
 
-    at = {each.places: Trial.of(bare, begun(bare, each)) for each in heat.candidates(Scene(bare)) if not each.driver}
-    wrong = at["fast",]
-    both = begun(wrong.fitted, Bias(("fast",), (Number("bias_fast", "degC", 2.0),)))
-    (step,), after = revised([Step(bare, wrong, tuple(at.values()), 2)], both, 0, elsewhere)
-    assert step.chosen.mechanism.places == after.model.mechanisms[0].places == ("slow",), seed
+    steps = stepwise(bare_fit(GreyBox.of(row), held), offered=offered).steps
+    assert [each.chosen and str(each.chosen.mechanism) for each in steps] == [
+        "heat_source at one_mass by big_frac",
+        "heat_source at one by small_frac",
+        None,
+    ], seed
