@@ -35,17 +35,17 @@ def hours(tmp_path_factory):
     return folder
 
 
-def took(path: str, engine: str, workers: int) -> dict[str, float]:
+def took(path: str, engine: str, workers: int, folder: Path) -> dict[str, float]:
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, str(SCRIPT), path, engine, str(workers)]
+    command = [sys.executable, str(SCRIPT), path, engine, str(workers), str(folder)]
     return json.loads(subprocess.run(command, env=environment, capture_output=True, check=True).stdout)
 
 
 @pytest.mark.timeout(3600)
 @pytest.mark.benchmark(group="fleet")
-def test_two_workers_beside_one_process(hours, benchmark, noted):
-    one = took(hours, "serial", 1)
-    two = benchmark.pedantic(took, (hours, "local", 2), rounds=1, iterations=1)
+def test_two_workers_beside_one_process(hours, tmp_path, benchmark, noted):
+    one = took(hours, "serial", 1, tmp_path / "one")
+    two = benchmark.pedantic(took, (hours, "local", 2, tmp_path / "two"), rounds=1, iterations=1)
     task = f"fleet, {UNITS:,} units of 1 h at 1 Hz"
     bare = f"bare fits {one['task_s']:.1f} s, overhead {100 * (one['run_s'] / one['task_s'] - 1):.0f} %"
     noted(task, "one process", one["run_s"], f"{bare}; driver {one['peak_MB']:.0f} MB; load {one['load']:.0f}")
@@ -55,7 +55,7 @@ def test_two_workers_beside_one_process(hours, benchmark, noted):
 
 @pytest.mark.timeout(3600)
 @pytest.mark.benchmark(group="fleet")
-def test_the_driver_s_memory(hours, tmp_path, benchmark, noted):
+def test_the_driver_s_memory(hours, tmp_path, tmp_path_factory, benchmark, noted):
     """Ten thousand units: the same logs under five names."""
     for file in sorted(Path(hours).glob("*.parquet")):
         logs = pq.ParquetFile(file)
@@ -66,7 +66,8 @@ def test_the_driver_s_memory(hours, tmp_path, benchmark, noted):
                     name = f"{copy}-{table.column('unit')[0].as_py()}"
                     names = pa.array([name] * len(table)).dictionary_encode()
                     writer.write_table(table.set_column(0, "unit", names).cast(logs.schema_arrow))
-    found = benchmark.pedantic(took, (str(tmp_path), "local", 2), rounds=1, iterations=1)
+    folder = tmp_path_factory.mktemp("fleet")
+    found = benchmark.pedantic(took, (str(tmp_path), "local", 2, folder), rounds=1, iterations=1)
     task = f"fleet, {UNITS * COPIES:,} units of 1 h at 1 Hz"
     noted(task, "local, 2 workers", found["run_s"], f"driver {found['peak_MB']:.0f} MB; load {found['load']:.0f}")
 

@@ -32,6 +32,8 @@ _SETTINGS = {
     # Dask has the allocator give back all above 64 KiB: each array of a task would be mapped and zeroed anew
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 27,
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 25,
+    # Dask looks at what a worker is at a hundred times a second, which takes a tenth of it
+    "distributed.worker.profile.interval": "1s",
     "distributed.admin.log-format": "%(message)s",
     # the scheduler, which is in this process, would keep the last thousand messages, and with them the tasks' data
     "distributed.admin.low-level-log-length": 10,
