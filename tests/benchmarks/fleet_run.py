@@ -5,9 +5,9 @@ What it writes into the folder stays: ext4 makes new files much more slowly for 
 
 import json
 import os
-import resource
 import sys
 import time
+from pathlib import Path
 
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.fleet.dataset import Source
@@ -55,7 +55,7 @@ def main() -> None:
         "start_s": engine.start_s,
         "run_s": time.perf_counter() - begun - engine.start_s,
         "task_s": engine.task_s,
-        "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "peak_MB": int(Path("/proc/self/status").read_text().partition("VmHWM:")[2].split()[0]) / 1024,
         "load": os.getloadavg()[0],
     }
     print(json.dumps(found))
