@@ -1,7 +1,4 @@
-"""One run over a fleet in a process of its own: DATASET ENGINE WORKERS FOLDER; what it took, as JSON.
-
-What it writes into the folder stays: ext4 makes new files much more slowly for minutes after thousands were removed.
-"""
+"""One run over a fleet in a process of its own: DATASET ENGINE WORKERS FOLDER; what it took, as JSON."""
 
 import json
 import os
@@ -49,6 +46,7 @@ class Timed(Engine):
 def main() -> None:
     path, name, workers, folder = sys.argv[1:]
     engine = Timed(None if name == "serial" else engine_of(name, int(workers)))
+    # what is written stays: for minutes after thousands of files were removed, ext4 takes ten times as long to make one
     begun = time.perf_counter()
     fit_fleet(Question(path, "free-2", Source("unit"), effort=Effort(starts=4)), folder, engine)
     found = {

@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 
 import click
 import pytest
@@ -26,7 +27,6 @@ def here(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("report", "wanted", "inputs", "place", "reason"),
     [
-        ("notes.txt", [], [], "notes.txt", "no folder"),
         ("notes.txt/page", [], [], "notes.txt/page", "{here}/notes.txt is no folder"),
         ("leads_nowhere", [], [], "leads_nowhere", "no folder"),
         ("closed", [], [], "closed", "{here}/closed"),
@@ -54,8 +54,14 @@ def test_a_report_may_be_written_over_or_made(here, report):
     assert not (here / "new").exists()
 
 
-def test_a_report_is_shown_and_written_where_asked(here, capsys):
+def test_a_report_is_written_where_asked_and_shown_to_whoever_still_reads(here, capsys, monkeypatch):
     Output("out.json", "new").show(Report("1.5 degC", [Finding("It [holds].")], [], {"rmse_degC": 1.5}))
     assert capsys.readouterr().out.splitlines()[:2] == ["1.5 degC", "It [holds]."]
     assert json.loads((here / "out.json").read_text()) == {"rmse_degC": 1.5}
     assert {each.name for each in (here / "new").iterdir()} == {"index.html", "plotly.min.js"}
+    reading, writing = os.pipe()
+    os.close(reading)
+    monkeypatch.setattr(sys, "stdout", os.fdopen(writing, "w"))
+    with pytest.raises((BrokenPipeError, SystemExit)):
+        Output("again.json").show(Report("0 degC", [], [], {}))
+    assert (here / "again.json").exists()

@@ -9,10 +9,7 @@ from ambient_trainer.data.trace import save_trace
 
 from ..evaluation.conftest import sensor_trace, two_sensor_model
 
-BROKEN = {
-    "bare.csv": "time_s,usb_degC\n0,20\n",
-    "empty.csv": "time_s,usb_degC,ambient_degC\n",
-}
+BROKEN = {"bare.csv": "time_s,usb_degC\n0,20\n", "empty.csv": "time_s,usb_degC,ambient_degC\n"}
 # the call, its status, and what the message names
 CALLS = [
     ("diagnose x.csv --circuit phone --period nan", 2, "--period; nan"),
@@ -35,7 +32,6 @@ CALLS = [
     ("nonsense", 2, "nonsense"),
     ("fit t.csv --circuit free-1 -o t.csv", 2, "t.csv"),
     ("evaluate m.json t.csv --json m.json", 2, "m.json"),
-    ("compare t.csv --circuit free-1 --split 40 --json t.csv", 2, "t.csv"),
     ("diagnose nothere.csv --circuit phone --report t.csv", 2, "t.csv: is no folder"),
     ("discover --circuit phones", 1, "'phones'"),
     ("discover --circuit model2_ss", 2, "display, soc"),

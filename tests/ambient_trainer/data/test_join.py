@@ -50,8 +50,8 @@ def test_the_epoch_is_by_notes_else_by_times_else_by_the_first_samples(starts, t
 
 def test_stamps_that_repeat_or_go_back_are_left_out(write):
     logged = load_logged(write("a.csv", "# start: x\ntime_s,a_degC\n0,1\n10,2\n10,3\n5,4\n20,\n"))
-    assert (logged.trace.time_s.tolist(), logged.dropped_rows) == ([0, 10, 20], 2)
-    assert logged.trace.notes == {"start": "x"}  # by which it is placed
+    found = logged.trace.time_s.tolist(), logged.dropped_rows, logged.trace.notes
+    assert found == ([0, 10, 20], 2, {"start": "x"})  # by the note it is placed
     np.testing.assert_array_equal(logged.trace.columns["a_degC"], [1, 2, np.nan])
 
 

@@ -49,15 +49,21 @@ class Output:
             raise click.UsageError("\n".join(map(str, faults)))
 
     def show(self, report: Report) -> None:
-        """Print ``report``, and write its data and its page where they are asked for."""
-        print_report(printer(), report)
+        """Write the data and the page of ``report`` where they are asked for, and print it.
+
+        In this order: whoever closes the output early, as ``head`` does, still has the files.
+        """
+        written = []
         if self.json_path is not None:
             write_json(self.json_path, report.data)
-            click.echo(f"Figures: {self.json_path}")
+            written.append(f"Figures: {self.json_path}")
         if self.report_folder is not None:
             from ambient_trainer.report.page import write_report  # jinja2: only a page should wait for it
 
-            click.echo(f"Report: {write_report(self.report_folder, report)}")
+            written.append(f"Report: {write_report(self.report_folder, report)}")
+        print_report(printer(), report)
+        for line in written:
+            click.echo(line)
 
 
 def printer() -> Console:

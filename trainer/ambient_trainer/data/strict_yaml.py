@@ -126,7 +126,7 @@ def _follows(detail: ErrorDetails, details: list[ErrorDetails]) -> bool:
 def _fault(model: type[BaseModel], detail: ErrorDetails) -> Fault:
     location = [part for part in detail["loc"] if part != "[key]"]
     place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".")
-    kind, message = detail["type"], detail["msg"]
+    kind, message = detail["type"], detail["msg"].replace("valid tuple", "list").replace("valid dictionary", "mapping")
     if kind == "extra_forbidden":
         known = ", ".join(_keys_at(model, location[:-1]))
         return Fault(place, "unknown key", f"remove it or correct its name; known are {known}")

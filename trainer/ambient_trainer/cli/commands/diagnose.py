@@ -41,10 +41,9 @@ def command(
     output.check([*trace_paths, *question["baselines"], circuit], [extended_path])
     with cli.staged_progress() as progress:
         result = at.diagnose(trace_paths, circuit, progress=progress, **question)
+    if extended_path is not None and result.extended is not None:
+        result.save_circuit(extended_path)
     output.show(result.summary)
-    if extended_path is None:
-        return
-    if result.extended is None:
-        click.echo("No cause is one that a circuit can hold: no circuit is written.")
-    else:
-        click.echo(f"Circuit: {result.save_circuit(extended_path)}")
+    if extended_path is not None:
+        none = "No cause is one that a circuit can hold: no circuit is written."
+        click.echo(none if result.extended is None else f"Circuit: {extended_path}")
