@@ -1,8 +1,9 @@
 """What cannot be written is refused before the work, by every command that takes long."""
 
+import io
 import json
 import os
-import sys
+from contextlib import redirect_stdout
 
 import click
 import pytest
@@ -54,14 +55,14 @@ def test_a_report_may_be_written_over_or_made(here, report):
     assert not (here / "new").exists()
 
 
-def test_a_report_is_written_where_asked_and_shown_to_whoever_still_reads(here, capsys, monkeypatch):
+def test_a_report_is_written_where_asked_and_shown_to_whoever_still_reads(here, capsys):
     Output("out.json", "new").show(Report("1.5 degC", [Finding("It [holds].")], [], {"rmse_degC": 1.5}))
     assert capsys.readouterr().out.splitlines()[:2] == ["1.5 degC", "It [holds]."]
     assert json.loads((here / "out.json").read_text()) == {"rmse_degC": 1.5}
     assert {each.name for each in (here / "new").iterdir()} == {"index.html", "plotly.min.js"}
     reading, writing = os.pipe()
     os.close(reading)
-    monkeypatch.setattr(sys, "stdout", os.fdopen(writing, "w"))
-    with pytest.raises((BrokenPipeError, SystemExit)):
+    closed = io.TextIOWrapper(os.fdopen(writing, "wb", 0), write_through=True)
+    with closed, redirect_stdout(closed), pytest.raises((BrokenPipeError, SystemExit)):
         Output("again.json").show(Report("0 degC", [], [], {}))
     assert (here / "again.json").exists()

@@ -29,7 +29,6 @@ CALLS = [
     ("compare t.csv --circuit free-1", 2, "--split; --held-out"),
     ("compare t.csv --circuit free-1 --held-out u.csv", 2, "u.csv is a training trace too"),
     ("compare nothere.csv --circuit free-1 --circuit nosuch --split 40", 1, "'nosuch'"),
-    ("nonsense", 2, "nonsense"),
     ("fit t.csv --circuit free-1 -o t.csv", 2, "t.csv"),
     ("evaluate m.json t.csv --json m.json", 2, "m.json"),
     ("diagnose nothere.csv --circuit phone --report t.csv", 2, "t.csv: is no folder"),
