@@ -55,21 +55,9 @@ def train(circuit: Circuit, baselines: Sequence[Trace]) -> Bench:
 
 
 def run(bench: Bench, cases: Sequence[Case], jobs: int) -> Generator[Done, None, None]:
-    """Diagnose and score each case, by so many processes.
+    """Diagnose and score each case, by so many processes: each comes as soon as it and those before it are done.
 
-    Parameters
-    ----------
-    bench : Bench
-        What :func:`train` gave.
-    cases : sequence of Case
-        In the order of the results.
-    jobs : int
-        Processes; closing the iterator ends them.
-
-    Yields
-    ------
-    Done
-        A case as soon as it and those before it are done.
+    Closing the iterator ends the processes.
     """
     parts = (cases[first : first + _AT_ONCE] for first in range(0, len(cases), _AT_ONCE))
     runs = ((case, run) for part in parts for case, run in zip(part, simulated(part)))

@@ -77,30 +77,9 @@ class Seeds:
 def lower_bounds(
     model: Model, scenarios: Sequence[str], seeds: Seeds, period_s: float, progress: Progress
 ) -> list[Bound]:
-    """Linear lower bound of each scenario, beside the model's error.
+    """Linear lower bound of each scenario, beside the error of a model that reads the simulated phone's sensors.
 
-    Parameters
-    ----------
-    model : Model
-        Reads the simulated phone's sensors.
-    scenarios : sequence of str
-        Names of shipped scenarios.
-    seeds : Seeds
-        Of the runs to fit and to score.
-    period_s : float
-        Sampling period.
-    progress : callable
-        Called with what is under way, how much of it is done, and of how much.
-
-    Returns
-    -------
-    list of Bound
-        One a scenario.
-
-    Raises
-    ------
-    Refused
-        Where the simulated phone lacks one of the model's inputs, before anything is simulated.
+    Raises :class:`Refused` where the phone lacks one of the model's inputs, before anything is simulated.
     """
     _require_inputs(model)
     for name in scenarios:

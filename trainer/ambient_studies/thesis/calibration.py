@@ -143,28 +143,11 @@ def residuals(recorded: Mapping[str, Recorded]) -> Array:
 def calibrate(
     constants: Mapping[str, Constant], budget: int, seed: int = 0, progress: Progress | None = None
 ) -> Calibration:
-    """Fit the constants to the published figures.
+    """Fit the constants to the published figures, in ``budget`` evaluations at most.
 
-    Parameters
-    ----------
-    constants : mapping of str to Constant
-        Guess and bounds of each.
-    budget : int
-        Evaluations at most.
-    seed : int
-        Of weather and noise; the same arguments give the same values.
-    progress : callable, optional
-        Called after each evaluation.
-
-    Returns
-    -------
-    Calibration
-        The values of least cost.
-
-    Notes
-    -----
     Minimises |r(c)|^2 / 2 + |log(c / guess) / PRIOR_LOG|^2 / 2 over log c within the bounds (trust region reflective,
-    ``scipy.optimize.least_squares``), with r of :func:`residuals` and forward differences.
+    ``scipy.optimize.least_squares``), with r of :func:`residuals` and forward differences. Weather and noise follow
+    from ``seed``: the same arguments give the same values.
     """
     with threadpool_limits(1):
         search = _Search(constants, seed, progress)

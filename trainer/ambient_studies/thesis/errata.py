@@ -41,22 +41,9 @@ class Erratum:
 
 
 def computed_errata(training: Trace, ambient_change: Trace) -> list[Erratum]:
-    """Compute every erratum that has figures.
+    """Compute every erratum that has figures, by number; raises :class:`Refused` where a trace lacks a column.
 
-    Parameters
-    ----------
-    training, ambient_change : Trace
-        Runs of scenarios 5 and 3: erratum 8 is fitted to the first and measured on the second.
-
-    Returns
-    -------
-    list of Erratum
-        By number.
-
-    Raises
-    ------
-    Refused
-        Where a trace lacks a column.
+    Erratum 8 is fitted to ``training``, a run of scenario 5, and measured on ``ambient_change``, one of scenario 3.
     """
     found = [*text_errata(), _erratum(8, _moving_ambient(training, ambient_change))]
     return sorted(found, key=lambda each: each.number)

@@ -66,22 +66,8 @@ class Method:
 def thesis_methods(training: Trace, progress: Progress) -> list[Method]:
     """Train every model of the thesis in every variant that applies.
 
-    Parameters
-    ----------
-    training : Trace
-        The run to which ``corrected`` and ``noncausal`` are fitted.
-    progress : callable
-        Called before each fit.
-
-    Returns
-    -------
-    list of Method
-        The variants ``corrected`` (ten), ``noncausal`` (one), ``published_parameters`` (ten), ``as_printed`` (six).
-
-    Raises
-    ------
-    Refused
-        Where ``training`` lacks a sensor or the reference.
+    ``corrected`` (ten) and ``noncausal`` (one) are fitted to ``training``, ``published_parameters`` (ten) and
+    ``as_printed`` (six) are not. Raises :class:`Refused` where it lacks a sensor or the reference.
     """
     methods = []
     for done, model in enumerate(MODELS):

@@ -30,21 +30,9 @@ _CALIBRATION = (
 
 
 def report_of(reproduction: Reproduction, errata: Sequence[Erratum], calibration: Sequence[Outcome]) -> Report:
-    """What the reproduction shows.
+    """What the reproduction shows; errata are for JSON and page, the calibration for the page, and both may be empty.
 
-    Parameters
-    ----------
-    reproduction : Reproduction
-        The evaluated methods.
-    errata : sequence of Erratum
-        For JSON and page; may be empty.
-    calibration : sequence of Outcome
-        For the page; may be empty.
-
-    Returns
-    -------
-    Report
-        Drawing its figures simulates the runs that figures 4.1 and 4.5 need besides.
+    Drawing its figures simulates the runs that figures 4.1 and 4.5 need besides.
     """
     rows, verdict = reproduction.evaluated.rows, reproduction.verdict
     verification, *others = scenario_sections(rows)

@@ -44,23 +44,9 @@ class Reproduction:
 def reproduce(
     seed: int, train: Callable[[Runs, Progress], Sequence[Method]], published: Results, progress: Progress
 ) -> Reproduction:
-    """Run the thesis's protocol on a simulated phone.
+    """Run the thesis's protocol on a simulated phone: train methods on its runs, evaluate them, and judge.
 
-    Parameters
-    ----------
-    seed : int
-        Of weather and noise; each run draws its own from it.
-    train : callable
-        Trains the methods to compare on the runs: :func:`all_methods`.
-    published : mapping of (str, str) to Result
-        Published errors by scenario and model.
-    progress : callable
-        Called with what is under way, how much of it is done, and of how much.
-
-    Returns
-    -------
-    Reproduction
-        The runs, the trained methods, their errors in every scenario, and the verdict.
+    Each run draws its own weather and noise from ``seed``; ``train`` is :func:`all_methods`, or trains fewer.
     """
     runs = simulated_runs(seed, progress)
     methods = train(runs, progress)

@@ -51,24 +51,7 @@ class Evaluated:
 def evaluate(
     methods: Sequence[Method], traces: Mapping[str, Trace], published: Results, progress: Progress
 ) -> Evaluated:
-    """Score each method on each trace.
-
-    Parameters
-    ----------
-    methods : sequence of Method
-        Trained methods.
-    traces : mapping of str to Trace
-        Runs by the scenario's name.
-    published : mapping of (str, str) to Result
-        Published errors by scenario and model.
-    progress : callable
-        Called with what is under way, how much of it is done, and of how much.
-
-    Returns
-    -------
-    Evaluated
-        One row for each pair of trace and method, and the estimates.
-    """
+    """Score each trained method on each trace, by its scenario's name, beside the errors that were published."""
     rows: list[Row] = []
     estimates: dict[tuple[str, str, str], Array] = {}
     for scenario, trace in traces.items():

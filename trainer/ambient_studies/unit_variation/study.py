@@ -175,28 +175,9 @@ class Study:
 
 
 def study(model: Model, plan: Plan, jobs: int, progress: Progress) -> Study:
-    """Score a model on units drawn within the tolerances of manufacture.
+    """Score a model, fitted to the nominal simulated phone, on units drawn within the tolerances of manufacture.
 
-    Parameters
-    ----------
-    model : Model
-        Fitted to the nominal simulated phone.
-    plan : Plan
-        Units, scenarios, seed and sampling period.
-    jobs : int
-        Processes.
-    progress : callable
-        Called with what is under way, how much of it is done, and of how much.
-
-    Returns
-    -------
-    Study
-        Errors and correction of every unit.
-
-    Raises
-    ------
-    Refused
-        Where the simulated phone lacks one of the model's inputs.
+    Raises :class:`Refused` where the phone lacks one of the model's inputs.
     """
     for name in plan.scenarios:
         load_scenario(name)

@@ -71,44 +71,11 @@ def diagnose(
     progress: Progress | None = None,
     period_s: float | None = None,
 ) -> Diagnosis:
-    """Name what a circuit lacks to describe traces, and measure what adding it gains.
+    """Name what a circuit lacks to describe traces: see :func:`ambient_trainer.diagnose`.
 
-    Parameters
-    ----------
-    circuit : Circuit
-        It is read forward: ambient and drives in, the temperature of every sensor out.
-    traces : sequence of Trace
-        What is diagnosed, at least 100 samples each.
-    baselines : sequence of Trace
-        Known-good traces of the same device. With any, the circuit is fitted to them and held: the question is what
-        has changed since. Without, it is fitted to ``traces`` themselves: the question is what it lacks.
-    progress : callable, optional
-        Called with a stage and how many of its parts are done.
-    period_s : float, optional
-        Of what is compared; by default the finest that leaves at most 2000 samples of the longest trace. Without
-        ``baselines`` it is simulated in the log's own samples, or in fewer steps where these are more than 10,000.
-
-    Returns
-    -------
-    Diagnosis
-        Steps, each with its cause and its gain on held-out blocks of time, and the misfit that they explain.
-
-    Raises
-    ------
-    Refused
-        Names every fault of the data: too few samples, a column without values, a reference that copies a sensor.
-
-    Notes
-    -----
-    Mechanisms are added step by step. All candidates are screened by a score test (Rao 1948) on simulated states; the
-    best are fitted together with the circuit's numbers and compared on folds of time that were left out. With
-    ``baselines`` the circuit's numbers have a prior from these, and sensors weigh by what these leave at each.
-
-    Examples
-    --------
-    >>> found = diagnose(load_circuit("phone"), [load_trace("day.csv")], [load_trace("good.csv")])  # doctest: +SKIP
-    >>> str(found.verdict_cause)  # doctest: +SKIP
-    'heat_source at flash by camera_on'
+    All candidates are screened by a score test (Rao 1948) on simulated states; the best are fitted together with the
+    circuit's numbers. Without ``baselines`` a circuit is simulated in the log's own samples, or in fewer steps where
+    these are more than 10,000; with them its numbers have a prior from these.
     """
     _check(circuit, [*traces, *baselines])
     period_s = period_s or diagnosis_period_s([*traces, *baselines])

@@ -35,26 +35,8 @@ class Later:
 
 
 def later_errors(bare: Circuit, extended: Circuit | None, traces: Sequence[Trace], from_s: float) -> Later:
-    """Errors of two circuits, as their parameters' initial values have them, on the later part of traces.
-
-    Parameters
-    ----------
-    bare, extended : Circuit
-        Without and with what was found.
-    traces : sequence of Trace
-        With the time before ``from_s``, through which the states run on.
-    from_s : float
-        Where the scored time begins, in each trace's ``time_s``.
-
-    Returns
-    -------
-    Later
-
-    Raises
-    ------
-    Refused
-        Where no sensor is read after ``from_s``.
-    """
+    """Errors of two circuits, as their parameters' initial values have them, on the later part of traces; raises
+    :class:`Refused` where no sensor is read there."""
     before = _residual_degC(bare, traces, from_s)
     scored = np.isfinite(before)
     if not scored.any():

@@ -23,18 +23,7 @@ _OF_WHITENESS = ("whiteness", "periodogram", "memory")
 
 
 def report_of(diagnosis: Diagnosis) -> Report:
-    """The report of a diagnosis.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        What :func:`ambient_trainer.diagnosis.diagnose` returned.
-
-    Returns
-    -------
-    Report
-        For :mod:`ambient_trainer.report`; ``data`` is the content of ``diagnose --json``.
-    """
+    """The report of a diagnosis; its ``data`` are the content of ``diagnose --json``."""
     status: Status = "result" if diagnosis.explained else "plain"
     verdict = Finding(headline(diagnosis), status, diagnosis.verdict_cause.name)
     lead: list[Block] = [verdict, *map(Finding, diagnosis.notes), _facts(diagnosis)]

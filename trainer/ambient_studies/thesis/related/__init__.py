@@ -14,22 +14,10 @@ def related() -> list[Related]:
 
 
 def related_methods(training: Trace, idle: Trace) -> list[Method]:
-    """Train every related method.
+    """Train every related method on runs of scenarios 5 and 1, in the order of :func:`related`.
 
-    Parameters
-    ----------
-    training, idle : Trace
-        Runs of scenarios 5 and 1; who evaluates on scenario 1 takes another run of it for ``idle``.
-
-    Returns
-    -------
-    list of Method
-        In the order of :func:`related`.
-
-    Raises
-    ------
-    Refused
-        Where a trace lacks a column or has too few samples.
+    Who evaluates on scenario 1 takes another run of it for ``idle``. Raises :class:`Refused` where a trace lacks a
+    column or has too few samples.
     """
     traces = {"5": training, "1": idle}
     return [
