@@ -14,7 +14,7 @@ def test_what_came_in_was_left_out_and_is_assumed_is_shown(trainer, write, tmp_p
     status, shown, error = trainer("import", write("a.csv", _TABLE), "--format", "csv", "--map", mapped, "-o", out)
     assert (status, error) == (0, "")
     lines = shown.splitlines()
-    assert lines[0] == "3 rows, 3 s, median period 1.5 s, longest step 2 s"
+    assert lines[0] == "3 rows, 3.00 s, median period 1.50 s, longest step 2.00 s"
     cells = [line.split() for line in lines[4:7]]
     assert cells == [["usb_degC", "20", "22", "25", "0"], ["b_degC", *"---3"], ["ambient_degC", *["22"] * 3, "0"]]
     assert lines[-5:] == [

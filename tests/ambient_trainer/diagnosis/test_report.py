@@ -12,8 +12,8 @@ from rich.console import Console
 from ambient_trainer.diagnosis import figures
 from ambient_trainer.diagnosis.report import headline, report_of, residual_tests_table
 from ambient_trainer.diagnosis.result import Cause, Gain
-from ambient_trainer.diagnosis.words import chance, clock, digits, duration, share, window
 from ambient_trainer.report.terminal import print_report
+from ambient_trainer.report.words import chance, clock, digits, duration, share, window
 
 
 def shown(diagnosis):

@@ -12,8 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from ambient_trainer.laboratory.collect import Job
-from ambient_trainer.laboratory.report import clock_text, degrees_text, expected
+from ambient_trainer.laboratory.report import degrees_text, expected
 from ambient_trainer.laboratory.run import Run
+from ambient_trainer.report.words import clock
 
 _REDRAW_S = 0.25
 _LINE_S = 60.0
@@ -51,7 +52,7 @@ class ConsoleMonitor:
 
     def event(self, at_s: float, text: str) -> None:
         """Print it with its time; above the picture, where it stays."""
-        self._console.print(f"{clock_text(at_s)}  {text}", markup=False, highlight=False, soft_wrap=True)
+        self._console.print(f"{clock(at_s)}  {text}", markup=False, highlight=False, soft_wrap=True)
 
     def _picture(self, run: Run) -> Group:
         now_s = run.clock.now_s()
@@ -62,7 +63,7 @@ class ConsoleMonitor:
         for sample in run.latest.values():
             for name, value in sample.values.items():
                 readings.add_row(Text(name), "-" if value is None else f"{value:g}", f"{now_s - sample.at_s:.0f}")
-        left = f"{clock_text(now_s)} since the beginning, {_left_text(run)}"
+        left = f"{clock(now_s)} since the beginning, {_left_text(run)}"
         parts: list[RenderableType] = [Text(f"{self._title}: {_step_text(run)}", style="bold"), Text(left), readings]
         parts += [Text(f"! {each.text}", style="red") for each in run.failures.values()]
         if run.alarm is not None:
@@ -77,7 +78,7 @@ def _left_text(run: Run) -> str:
     if not program.over:
         left_s = max(steps[program.step].length_s - (run.clock.now_s() - program.began_s), 0.0)
         left_s += sum(each.length_s for each in steps[program.step + 1 :])
-    return f"{clock_text(left_s)} left, {run.journal.samples_on_disk} samples on disk"
+    return f"{clock(left_s)} left, {run.journal.samples_on_disk} samples on disk"
 
 
 def _step_text(run: Run) -> str:

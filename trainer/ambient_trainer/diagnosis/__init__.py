@@ -17,4 +17,4 @@ from ambient_trainer.diagnosis.result import (
     Step,
     Tested,
 )
-from ambient_trainer.diagnosis.words import digits, duration
+from ambient_trainer.report.words import digits, duration

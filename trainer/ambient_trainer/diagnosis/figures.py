@@ -10,10 +10,10 @@ from ambient_model.trace import split_column
 from ambient_trainer.data.units import written
 from ambient_trainer.diagnosis.greybox.expression import Expression, Samples
 from ambient_trainer.diagnosis.result import Array, Diagnosis, Step
-from ambient_trainer.diagnosis.words import chance
 from ambient_trainer.report import palette
 from ambient_trainer.report.plots import Line, Panel, Shade, panel_figure, stacked_figure, wrapped
 from ambient_trainer.report.structure import Plot
+from ambient_trainer.report.words import chance
 
 _SMOOTH_FRAC = 1 / 150
 _POINTS = 300

@@ -33,7 +33,7 @@ from ambient_trainer.diagnosis.greybox.stepwise import Selection
 from ambient_trainer.diagnosis.greybox.trials import Trial, penalised
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Ranked, Step
-from ambient_trainer.diagnosis.words import digits, window
+from ambient_trainer.report.words import digits, window
 
 _ALIKE = 0.04
 """Of the penalised logarithm of held-out errors: rivals that are closer are not distinguishable."""

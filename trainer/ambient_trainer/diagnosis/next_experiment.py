@@ -18,7 +18,7 @@ from ambient_trainer.diagnosis.greybox.stepwise import Selection
 from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import UNKNOWN, Step
-from ambient_trainer.diagnosis.words import digits, duration
+from ambient_trainer.report.words import digits, duration
 
 _LONGEST_S, _LONGEST_PERIODS, _SAMPLES = 4 * 3600.0, 120.0, 240
 _STEPS_K = (10.0, -10.0)

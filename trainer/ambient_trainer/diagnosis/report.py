@@ -1,6 +1,5 @@
 """The report of a diagnosis: verdict, steps, candidates and residual tests, the same for terminal, page and machine."""
 
-import json
 import math
 import os
 from collections.abc import Callable, Sequence
@@ -15,8 +14,9 @@ from ambient_trainer.diagnosis import figures
 from ambient_trainer.diagnosis.greybox.file import kinds
 from ambient_trainer.diagnosis.residual_tests import residual_memory_s
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Array, Cause, Diagnosis, Magnitude, Ranked, Step, Tested
-from ambient_trainer.diagnosis.words import chance, clock, digits, duration, window
 from ambient_trainer.report import Block, Facts, Figure, Finding, Report, Section, Status, Table
+from ambient_trainer.report.files import finite
+from ambient_trainer.report.words import chance, clock, digits, duration, window
 
 SHOWN_RANKED = 8
 _OF_WHITENESS = ("whiteness", "periodogram", "memory")
@@ -283,7 +283,7 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
         "explained_share": diagnosis.explained_share,
         "notes": diagnosis.notes,
     }
-    return dict(json.loads(json.dumps(data), parse_constant=lambda name: None))
+    return finite(data)
 
 
 def _effect_data(each: Step | Ranked) -> dict[str, Any]:

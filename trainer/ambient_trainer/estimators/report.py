@@ -1,10 +1,10 @@
 """The report of a fit: its error beside the static formula's, its parameters, and what the data determine."""
 
-import math
 from typing import Any
 
 from ambient_trainer.estimators.base import Fit
 from ambient_trainer.report import Facts, Finding, Report, Section, Table
+from ambient_trainer.report.files import finite
 
 _AS_THEY_ARE = (
     *("circuit", "inputs", "states", "outputs", "periods_s", "samples", "rmse_degC", "converged"),
@@ -42,7 +42,7 @@ def as_json(fit: Fit) -> dict[str, Any]:
     """The content of ``fit --json``; what the data do not give is null."""
     return {
         **{name: getattr(fit, name) for name in _AS_THEY_ARE},
-        "parameters": [{name: _plain(value) for name, value in each._asdict().items()} for each in fit.parameters],
+        "parameters": [finite(each._asdict()) for each in fit.parameters],
         "dc_gains": dict(zip(fit.inputs, fit.dc_gains)),
         "baseline": {"kind": "static linear", "rmse_degC": fit.baseline.rmse_degC},
         **fit.details,
@@ -76,10 +76,3 @@ def findings(fit: Fit) -> list[Finding]:
         )
         found.append(Finding(text))
     return found
-
-
-def _plain(value: Any) -> Any:
-    """As JSON has it: null where it is not finite."""
-    if isinstance(value, tuple):
-        return [_plain(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -16,6 +16,7 @@ from ambient_trainer.laboratory.messages import Failure, Note, Sample, StepBegan
 from ambient_trainer.laboratory.run import Ending, Outcome
 from ambient_trainer.laboratory.serial_line import is_missing
 from ambient_trainer.report import Block, Finding, Report, Section, Table
+from ambient_trainer.report.words import clock, column_table
 
 _CAPTION = (
     "Times in h:mm:ss; air there after: estimated from the chamber's usual rates, from its safe set point on. A step "
@@ -60,10 +61,10 @@ def schedule_report(loaded: LoadedCampaign) -> Report:
     lines = [
         (
             campaign.step_name(index),
-            clock_text(each.begins_s),
-            clock_text(each.length_s),
+            clock(each.begins_s),
+            clock(each.length_s),
             degrees_text(step.chamber_degC),
-            clock_text(each.ramp_s) if each.ramp_s else "-",
+            clock(each.ramp_s) if each.ramp_s else "-",
             f"{step.settle.for_min:g} min in {step.settle.within_K:g} K" if step.settle else "-",
             ", ".join(step.load) or "-",
         )
@@ -74,7 +75,7 @@ def schedule_report(loaded: LoadedCampaign) -> Report:
     whole_s = steps[-1].begins_s + steps[-1].length_s
     rows = round(recorded_s / campaign.period_s)
     there = campaign.laboratory.instruments.named
-    found = [f"{clock_text(whole_s)} in all, {clock_text(recorded_s)} of it recorded: {rows:,} rows."]
+    found = [f"{clock(whole_s)} in all, {clock(recorded_s)} of it recorded: {rows:,} rows."]
     found.append(f"From {', '.join(loaded.files)}")
     found += [f"{name}: {each.port} is not there now." for name, each in there.items() if is_missing(each.port)]
     blocks: list[Block] = [Table(_CAPTION, columns, lines, labels=1), *map(Finding, found)]
@@ -86,27 +87,8 @@ def degrees_text(temp_degC: float | None) -> str:
     return "-" if temp_degC is None else f"{temp_degC:g}"
 
 
-def clock_text(duration_s: float) -> str:
-    """A duration as h:mm:ss."""
-    whole = round(duration_s)
-    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
-
-
 _AT_SET_POINT_K = 2.0  # the air is called at its set point this near to it; a chamber's swing is about 1 K
 _MOST_SHOWN = 20
-
-
-def column_table(trace: pd.DataFrame) -> Table:
-    """Per column of a trace: samples, gaps, and the range of what stands there."""
-    lines = []
-    for name, values in trace.items():
-        missing, known = values.isna(), values.dropna()
-        gaps = missing.groupby((missing != missing.shift()).cumsum()).sum()
-        texts = [f"{each:.3f}" for each in (known.min(), known.mean(), known.max())] if len(known) else ["-"] * 3
-        longest = gaps.max() if len(gaps) else 0
-        lines.append((str(name), f"{len(known):,}", f"{(gaps > 0).sum():,}", f"{longest:,}", *texts))
-    caption = f"Of {len(trace):,} rows. Longest: the most rows in a row without a value."
-    return Table(caption, ("column", "samples", "gaps", "longest", "min", "mean", "max"), tuple(lines), labels=1)
 
 
 def settling_table(record: Record, campaign: Campaign) -> Table:
@@ -124,7 +106,7 @@ def settling_table(record: Record, campaign: Campaign) -> Table:
         if set_degC is None or (before and set_degC == before.chamber_degC) or index not in begins:
             continue
         within = ambient[(ambient - set_degC).abs() <= _AT_SET_POINT_K].loc[begins[index] : begins.get(index + 1)]
-        took = clock_text(within.index[0] - begins[index]) if len(within) else "never in its time"
+        took = clock(within.index[0] - begins[index]) if len(within) else "never in its time"
         lines.append((campaign.step_name(index), f"{set_degC:g}", took))
     caption = f"Until the ambient was first within {_AT_SET_POINT_K:g} K of the set point (h:mm:ss)."
     return Table(caption, ("step", "set degC", "air there after"), tuple(lines), labels=1)
@@ -133,7 +115,7 @@ def settling_table(record: Record, campaign: Campaign) -> Table:
 def events(record: Record) -> list[str]:
     """The notes of the run, with their times since the program began; the most frequent failures last."""
     notes = [(entry.at_s, entry.text) for entry in record.of(Note)]
-    lines = [f"{clock_text(at_s)}  {text}" for at_s, text in notes[:_MOST_SHOWN]]
+    lines = [f"{clock(at_s)}  {text}" for at_s, text in notes[:_MOST_SHOWN]]
     if len(notes) > _MOST_SHOWN:
         lines.append(f"and {len(notes) - _MOST_SHOWN} more")
     failures = Counter(entry.source for entry in record.of(Failure))
@@ -144,7 +126,7 @@ def events(record: Record) -> list[str]:
 def collection_report(collected: Collected, job: Job) -> Report:
     """How much a run left and where, with its tables and events."""
     record, trace = collected.record, collected.trace
-    after = f"after {clock_text(record.last_s)}"
+    after = f"after {clock(record.last_s)}"
     title = f"No trace, {after}: the recording had not begun, or cannot be written."
     tables: list[Table] = []
     if trace is not None:

@@ -21,6 +21,11 @@ def made_folder(folder: str) -> Path:
     return Path(folder)
 
 
+def finite(data: Mapping[str, Any]) -> dict[str, Any]:
+    """As JSON has it: null where a number is not finite."""
+    return dict(json.loads(json.dumps(data), parse_constant=lambda name: None))
+
+
 def write_json(path: str, data: Mapping[str, Any]) -> None:
     """Write ``data`` whole or not at all; raises :class:`ValueError` where a number is not finite."""
     with replacing(path) as stream:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import click
 
 from ambient_trainer import cli
 from ambient_trainer.data.plugins import plugin, plugin_names
-from ambient_trainer.report import Finding, Report, Table
+from ambient_trainer.report import Finding, Report
 
 if TYPE_CHECKING:
     from ambient_trainer.data.importers._table import Imported
@@ -62,28 +61,16 @@ def command(src: str, kind: str, map_path: str | None, output: str) -> None:
 def _report(imported: Imported) -> Report:
     import pandas as pd
 
+    from ambient_trainer.report.words import column_table, duration
+
     trace = imported.trace
     extent = f"{len(trace.time_s)} rows"
     if len(trace.time_s) > 1:
         steps_s = pd.Series(trace.time_s).diff()
-        extent += f", {_duration(trace.time_s[-1])}, median period {steps_s.median():.4g} s"
-        extent += f", longest step {_duration(steps_s.max())}"
-    columns = pd.DataFrame(trace.columns)
-    figures = columns.agg(["min", "mean", "max"]).T
-    rows = [
-        (name, *("-" if math.isnan(each) else f"{each:.6g}" for each in figures.loc[name]), str(missing))
-        for name, missing in columns.isna().sum().items()
-    ]
+        extent += f", {duration(trace.time_s[-1], 3)}, median period {duration(steps_s.median(), 3)}"
+        extent += f", longest step {duration(steps_s.max(), 3)}"
     total = imported.dropped_rows + len(trace.time_s)
     notes = [f"dropped {count} of {total} rows: {why}" for why, count in imported.dropped.items()]
     if "assumed" in trace.notes:
         notes.append(f"assumed {trace.notes['assumed']}")
-    table = Table("", ("column", "min", "mean", "max", "missing"), rows)
-    return Report(extent, [table, *map(Finding, notes)], [], {})
-
-
-def _duration(seconds: float) -> str:
-    for unit, length in (("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2 * length:
-            return f"{seconds / length:.1f} {unit}"
-    return f"{seconds:.4g} s"
+    return Report(extent, [column_table(pd.DataFrame(trace.columns)), *map(Finding, notes)], [], {})

@@ -17,8 +17,8 @@ import numpy as np
 
 from ambient_model.faults import refuse
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.words import unit_of
 from ambient_trainer.lti.lag import lagged
+from ambient_trainer.report.words import unit_of
 
 _RATE = re.compile(r"\bd\(([A-Za-z0-9_ ^*+\-./()]+?)\)\s*/\s*dt\b")
 LATE = ("delay", "lag")

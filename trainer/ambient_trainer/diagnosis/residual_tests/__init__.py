@@ -24,8 +24,8 @@ from ambient_trainer.diagnosis.residual_tests.whiteness import (
     memory,
 )
 from ambient_trainer.diagnosis.result import Tested
-from ambient_trainer.diagnosis.words import clock, digits, duration
 from ambient_trainer.lti.lag import lagged
+from ambient_trainer.report.words import clock, digits, duration
 
 LEVEL = 0.05
 """How often, without any effect, any of the robust tests of a report fails; and any of those for whiteness."""

@@ -8,7 +8,7 @@ from scipy.signal import correlate
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.result import Tested
-from ambient_trainer.diagnosis.words import duration, share
+from ambient_trainer.report.words import duration, share
 
 MOST_LAGS = 20
 _ONE_OVER_E = math.exp(-1)

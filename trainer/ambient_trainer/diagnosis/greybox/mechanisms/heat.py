@@ -14,7 +14,7 @@ from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.scene import HUMIDITY, PRESSURES, THERMOELECTRIC, WORK, Scene
 from ambient_trainer.diagnosis.record import Record
-from ambient_trainer.diagnosis.words import share
+from ambient_trainer.report.words import share
 
 _REFERENCE_DEGC, _GROWTH_PER_K = 25.0, 0.02
 _LEAST_PER_K, _MOST_PER_K = -0.008, 0.2

@@ -1,8 +1,15 @@
 """How a number is put before a person: times like a clock, spans in the unit that fits, figures as long as meant."""
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 from ambient_model.trace import split_column
+from ambient_trainer.report.structure import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _UNITS = {"on": "", "frac": ""}
 
@@ -22,12 +29,12 @@ def window(onset_s: float | None, end_s: float | None) -> str:
     return f"{start} {'to the end' if end_s is None else f'to {clock(end_s)}'}"
 
 
-def duration(span_s: float) -> str:
-    """A span in the unit that fits it, to two figures: ``12 s``, ``4.5 min``, ``2.1 h``."""
+def duration(span_s: float, count: int = 2) -> str:
+    """A span in the unit that fits it, by default to two figures: ``12 s``, ``4.5 min``, ``2.1 h``."""
     for unit_s, unit in ((3600.0, "h"), (60.0, "min")):
         if span_s >= 2 * unit_s:
-            return f"{digits(span_s / unit_s, 2)} {unit}"
-    return f"{digits(span_s, 2)} s"
+            return f"{digits(span_s / unit_s, count)} {unit}"
+    return f"{digits(span_s, count)} s"
 
 
 def digits(value: float, count: int = 3) -> str:
@@ -57,3 +64,16 @@ def share(part: float) -> str:
 def chance(p_value: float) -> str:
     """A probability as people read it: ``p = 0.03``, ``p < 0.001``."""
     return "p < 0.001" if p_value < 0.001 else f"p = {digits(p_value, 2)}"
+
+
+def column_table(trace: pd.DataFrame) -> Table:
+    """Per column of a trace: samples, gaps, and the range of what stands there."""
+    lines = []
+    for name, values in trace.items():
+        missing, known = values.isna(), values.dropna()
+        gaps = missing.groupby((missing != missing.shift()).cumsum()).sum()
+        texts = [f"{each:.6g}" for each in (known.min(), known.mean(), known.max())] if len(known) else ["-"] * 3
+        longest = gaps.max() if len(gaps) else 0
+        lines.append((str(name), f"{len(known):,}", f"{(gaps > 0).sum():,}", f"{longest:,}", *texts))
+    caption = f"Of {len(trace):,} rows. Longest: the most rows in a row without a value."
+    return Table(caption, ("column", "samples", "gaps", "longest", "min", "mean", "max"), lines)
