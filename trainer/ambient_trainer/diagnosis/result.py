@@ -12,21 +12,14 @@ UNKNOWN = "unknown"
 
 @dataclass(frozen=True)
 class Cause:
-    """What is missing, where, and what drives it.
-
-    Parameters
-    ----------
-    name : str
-        A kind of cause, such as ``heat_source``, or ``unknown``, or ``none``.
-    location : str, tuple of str, or None
-        A node, ``a-b`` for two, a sensor, several that share one mechanism, or None for everywhere.
-    signal : str or None
-        The trace column that drives it; None where nothing logged does.
-    """
+    """What is missing, where, and what drives it."""
 
     name: str
+    """A kind of cause, such as ``heat_source``, or ``unknown``, or ``none``."""
     location: str | tuple[str, ...] | None = None
+    """A node, ``a-b`` for two, a sensor, several that share one mechanism, or None for everywhere."""
     signal: str | None = None
+    """The trace column that drives it; None where nothing logged does."""
 
     @property
     def place(self) -> str | None:
@@ -40,85 +33,54 @@ class Cause:
 
 @dataclass(frozen=True)
 class Magnitude:
-    """How large an effect is.
-
-    Parameters
-    ----------
-    value : float
-        In ``unit``.
-    unit : str
-        Of the value; ``1`` where it has none.
-    meaning : str
-        What the number is, in words.
-    ci95 : tuple of float
-        The 95 % interval.
-    qualifier : str
-        A clause on how it varies; empty where it does not.
-    """
+    """How large an effect is: ``value`` in ``unit`` (``1`` where it has none), and its 95 % interval."""
 
     value: float
     unit: str
     meaning: str
+    """What the number is, in words."""
     ci95: tuple[float, float]
     qualifier: str = ""
+    """A clause on how it varies; empty where it does not."""
 
 
 @dataclass(frozen=True)
 class Gain:
     """What a cause gains on held-out blocks of time.
 
-    Parameters
-    ----------
-    rmse_before_degC, rmse_after_degC : float
-        Root mean square over all sensors of the simulation's error, without and with the cause.
-    ci95_degC : tuple of float
-        The 95 % interval of their difference, by resampling blocks.
-    p_value : float
-        That of the gain, corrected for the candidates that were tried.
+    Errors are root mean squares over all sensors of the simulation's error, without and with the cause.
     """
 
     rmse_before_degC: float
     rmse_after_degC: float
     ci95_degC: tuple[float, float]
+    """The 95 % interval of their difference, by resampling blocks."""
     p_value: float
+    """That of the gain, corrected for the candidates that were tried."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One effect that was selected.
-
-    Parameters
-    ----------
-    cause : Cause
-        What it is.
-    onset_s, end_s : float or None
-        In the trace's time; None where it lasts from the trace's start, or to its end.
-    magnitude : Magnitude or None
-        How large it is; None for ``unknown``.
-    confidence : float
-        1 less the probability that chance, or the closest rival, explains the data as well.
-    gain : Gain
-        On held-out data, beside the steps before.
-    indistinguishable_from : tuple of Cause
-        Causes that explain the data as well.
-    sentence : str
-        All of that in a sentence.
-    parameters : mapping of str to (float, str)
-        Every number of the effect by name, with its unit.
-    residual_degC : array, shape (sensors, samples)
-        Measured minus simulated with this and all earlier steps, on ``Diagnosis.time_s``.
-    """
+    """One effect that was selected: its cause, and what it gains beside the steps before."""
 
     cause: Cause
     onset_s: float | None
+    """In the trace's time, as ``end_s``; None where it lasts from the trace's start."""
     end_s: float | None
+    """None where it lasts to the trace's end."""
     magnitude: Magnitude | None
+    """None for ``unknown``."""
     confidence: float
+    """1 less the probability that chance, or the closest rival, explains the data as well."""
     gain: Gain
     indistinguishable_from: tuple[Cause, ...]
+    """Causes that explain the data as well."""
     sentence: str
+    """All of that in a sentence."""
     parameters: Mapping[str, tuple[float, str]]
+    """Every number of the effect by name, with its unit."""
     residual_degC: Array
+    """Measured minus simulated with this and all earlier steps, (sensors, samples), on ``Diagnosis.time_s``."""
 
 
 @dataclass(frozen=True)
@@ -154,31 +116,21 @@ class Tested:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Where the circuit and the measurement part, on ``Diagnosis.time_s``.
-
-    Parameters
-    ----------
-    sensors : tuple of str
-        Names of the s rows of each array.
-    measured_degC, simulated_degC : array, shape (s, samples)
-        NaN where nothing was measured.
-    heat : array, shape (s, samples)
-        The heat into each sensor's node that would explain the residual, in ``heat_unit``.
-    heat_unit : str
-        ``W`` where a logged power sets the scale, else ``K/s``.
-    tests : tuple of Tested
-        Of the residual.
-    ambient_error_degC : array, shape (samples,), or None
-        Of the same circuit read backward, sensors in and ambient out: true minus estimate; None where it cannot be.
-    """
+    """Where the circuit and the measurement part, on ``Diagnosis.time_s``; arrays have a row for each of s sensors."""
 
     sensors: tuple[str, ...]
     measured_degC: Array
+    """(s, samples), as ``simulated_degC``; NaN where nothing was measured."""
     simulated_degC: Array
     heat: Array
+    """The heat into each sensor's node that would explain the residual, (s, samples), in ``heat_unit``."""
     heat_unit: str
+    """``W`` where a logged power sets the scale, else ``K/s``."""
     tests: tuple[Tested, ...]
+    """Of the residual."""
     ambient_error_degC: Array | None = None
+    """True minus estimate, (samples,), of the same circuit read backward, sensors in and ambient out; None where it
+    cannot be."""
 
     @property
     def residual_degC(self) -> Array:
@@ -188,61 +140,40 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The diagnosis of traces: their misfit with the circuit, and the steps that explain it.
-
-    Parameters
-    ----------
-    trace, circuit : str
-        What was diagnosed, by which circuit.
-    baselines : tuple of str
-        Known-good traces; empty where there are none.
-    time_s : array, shape (samples,)
-        Of the longest record.
-    signals : mapping of str to array
-        The logged signals and the ambient on ``time_s``, by column.
-    misfit : Misfit
-        Of the circuit without any step.
-    steps : tuple of Step
-        In the order of their selection; a single ``unknown`` where the misfit is significant and not explained.
-    verdict : Step or None
-        The first step; None where nothing is missing.
-    ranking : tuple of Ranked
-        The candidates for the first step that were simulated, best first.
-    next_experiment : str
-        What to do to distinguish what these data do not.
-    extended : Circuit or None
-        The circuit with every step that a circuit can hold; None where none can.
-    candidates_tried : int
-        Candidates and windows of the first step.
-    notes : sequence of str
-        What the extended circuit leaves out, and why.
-    fitted : Circuit or None
-        The bare circuit with its parameters as fitted.
-    bare_degC : float
-        The held-out error of the circuit by itself.
-    floor_degC : float or None
-        What a black box with the same inputs leaves on held-out data; None with known-good records.
-    explained_share : float or None
-        Of what can be explained, the part that the steps explain; None where nothing can.
-    """
+    """The diagnosis of traces by a circuit: their misfit with it, and the steps that explain that."""
 
     trace: str
     circuit: str
     baselines: tuple[str, ...]
+    """Known-good traces; empty where there are none."""
     time_s: Array
+    """(samples,), of the longest record."""
     signals: Mapping[str, Array]
+    """The logged signals and the ambient on ``time_s``, by column."""
     misfit: Misfit
+    """Of the circuit without any step."""
     steps: tuple[Step, ...]
+    """In the order of their selection; a single ``unknown`` where the misfit is significant and not explained."""
     verdict: Step | None
+    """The first step; None where nothing is missing."""
     ranking: tuple[Ranked, ...]
+    """The candidates for the first step that were simulated, best first."""
     next_experiment: str
+    """What to do to distinguish what these data do not."""
     extended: Circuit | None
+    """The circuit with every step that a circuit can hold; None where none can."""
     candidates_tried: int
+    """Candidates and windows of the first step."""
     bare_degC: float
+    """The held-out error of the circuit by itself."""
     notes: Sequence[str] = field(default_factory=tuple)
+    """What the extended circuit leaves out, and why."""
     fitted: Circuit | None = None
+    """The bare circuit with its parameters as fitted."""
     floor_degC: float | None = None
+    """What a black box with the same inputs leaves on held-out data; None with known-good records."""
     explained_share: float | None = None
+    """Of what can be explained, the part that the steps explain; None where nothing can."""
 
     @property
     def explained(self) -> tuple[Step, ...]:
