@@ -1,7 +1,6 @@
 """``ambient-trainer calibrate``: the probes' offsets from a reference thermometer in the same bath."""
 
 import datetime
-import re
 import time
 
 import click
@@ -12,23 +11,11 @@ from ambient_trainer import cli
 
 _KINDS = {"thermometer": "greisinger-easybus", "multiplexer": "agilent-34970a"}
 _SIMULATED_PROBES = {"air1": 101, "air2": 102, "air3": 103, "air4": 104}
-_PROBE = re.compile(r"([A-Za-z][A-Za-z0-9_.-]*)=([0-9]+)")
+_PROBE = cli.assigned("NAME=CHANNEL, such as air1=101", int)
 _PATIENCE_S = 3600.0
 _LINE_S = 30.0
 """Between two lines of what it waits for, where there is no terminal."""
 _WINDOW, _PERIOD, _DRIFT = cli.FiniteRange(30.0), cli.FiniteRange(0.5), cli.FiniteRange(0.0, min_open=True)
-
-
-def _channels(context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> dict[str, int]:
-    channels: dict[str, int] = {}
-    for text in texts:
-        if (probe := _PROBE.fullmatch(text)) is None:
-            raise click.UsageError(f"--probe {text}: write it as NAME=CHANNEL, such as air1=101")
-        name, channel = probe.groups()
-        if name in channels:
-            raise click.UsageError(f"--probe {text}: {name} stands twice")
-        channels[name] = int(channel)
-    return channels
 
 
 @click.command("calibrate")
@@ -37,7 +24,7 @@ def _channels(context: click.Context, parameter: click.Parameter, texts: tuple[s
 @click.option("--thermometer", metavar="PORT", help="The reference, a Greisinger GMH.")
 @click.option("--multiplexer", metavar="PORT", help="The 34970A with the probes.")
 @click.option(
-    "--probe", "probes", multiple=True, callback=_channels, metavar="NAME=CHANNEL", help="Such as air1=101; repeat it."
+    "--probe", "pairs", multiple=True, type=_PROBE, metavar="NAME=CHANNEL", help="Such as air1=101; repeat it."
 )
 @click.option("--thermocouple", type=click.Choice(list("BEJKNRST")), default="K", help="Its type.")
 @click.option("--baud", type=click.IntRange(1200), default=57600, help="Of the multiplexer.")
@@ -54,7 +41,7 @@ def command(
     output: str,
     thermometer: str | None,
     multiplexer: str | None,
-    probes: dict[str, int],
+    pairs: tuple[tuple[str, int], ...],
     thermocouple: str,
     baud: int,
     address: int,
@@ -78,9 +65,11 @@ def command(
     from ambient_trainer.laboratory.instruments import settings
     from ambient_trainer.laboratory.messages import InstrumentError
 
+    probes = dict(pairs)
     live = bool(thermometer or multiplexer or probes)
     readings = int(window_s / period_s) + 1
     wrong = {
+        "each --probe has a name of its own, and here one stands twice": len(probes) < len(pairs),
         "take the bath from TRACE.csv, or from --thermometer, --multiplexer and --probe, or --simulate it": (
             (trace_path is not None) + live + simulate != 1
         ),
