@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -52,7 +52,7 @@ def figure_sections(reproduction: Reproduction) -> list[Section]:
         _section(
             "4.1: Raw sensors under load",
             "Scenario 2.1, simulated: the sensors near the SoC follow it, the others lag behind.",
-            partial(_loaded_figure, seed),
+            lambda: _zones_figure(simulate(_LOADED, seed=seed, all_zones=True).trace, tuple(_ZONES)),
         ),
         _section(
             "4.5: Display sensor with the display on and off, all cores loaded",
@@ -111,12 +111,8 @@ def error_figure(rows: Sequence[Row]) -> go.Figure:
     return figure
 
 
-def _section(title: str, note: str, draw: partial[go.Figure]) -> Section:
+def _section(title: str, note: str, draw: Callable[[], go.Figure]) -> Section:
     return Section(f"Figure {title}", [note, Figure(draw)])
-
-
-def _loaded_figure(seed: int) -> go.Figure:
-    return _zones_figure(simulate(_LOADED, seed=seed, all_zones=True).trace, tuple(_ZONES))
 
 
 def _zones_figure(trace: Trace, zones: Sequence[str]) -> go.Figure:

@@ -45,11 +45,17 @@ class Scatter(NamedTuple):
 def report_of(study: Study) -> Report:
     """What the study shows."""
     before, after, _ = (scatter(study, 0, f"{prefix}rmse_degC").median for prefix in WAYS.values())
+    facts = [
+        ("model", f"{study.model.name}, reads {', '.join(each.name for each in study.model.main.inputs)}"),
+        ("units", f"{len(study.units)} simulated ones, drawn from seed {study.plan.seed}, and the nominal one"),
+        ("weather", "the same for all; a calibration has its own"),
+        ("samples", f"one every {study.plan.period_s:g} s"),
+    ]
     return Report(
         subject="Unit-to-unit variation, simulated",
         title=f"{study.model.name} on {len(study.units)} other units: median error {before:.2f} degC, {after:.2f} with "
         "each unit's own offset",
-        lead=[_ABOUT, Facts(_facts(study))],
+        lead=[_ABOUT, Facts(facts)],
         sections=[
             Section("", [units_table(study), *map(Finding, sentences(study))]),
             *(
@@ -156,16 +162,6 @@ def as_json(study: Study) -> dict[str, Any]:
         ],
         "units": [asdict(each) for each in (study.nominal, *study.units)],
     }
-
-
-def _facts(study: Study) -> list[tuple[str, str]]:
-    plan = study.plan
-    return [
-        ("model", f"{study.model.name}, reads {', '.join(each.name for each in study.model.main.inputs)}"),
-        ("units", f"{len(study.units)} simulated ones, drawn from seed {plan.seed}, and the nominal one"),
-        ("weather", "the same for all; a calibration has its own"),
-        ("samples", f"one every {plan.period_s:g} s"),
-    ]
 
 
 def _dress(cased: bool) -> str:
