@@ -82,13 +82,18 @@ def near(step: Step) -> Iterator[Trial]:
 
 
 def elsewhere(step: Step) -> Iterator[Trial]:
-    """For what is at one place the same at others: what else was missing may have hidden where it is."""
+    """For what is at one place the same at others: what else was missing may have hidden where it is.
+
+    Bodies stay out, as of :func:`near`.
+    """
     assert step.chosen is not None
+    bodies = set(Scene(step.before).hidden_nodes)
     mine, seen = step.chosen.mechanism, {step.chosen.mechanism.places}
     for each in sorted(step.trials, key=penalised):
         its = each.mechanism
         alike = (its.cause, its.key[2], its.lasts) == (mine.cause, mine.key[2], mine.lasts)
         single = len(its.places) == len(mine.places) == 1
+        single = single and not bodies & set(its.places)
         if alike and single and its.places not in seen and not each.at_bounds and len(seen) <= _ELSEWHERE:
             seen.add(its.places)
             yield each
