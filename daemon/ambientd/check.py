@@ -3,7 +3,7 @@
 import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from ambient_model.codec import load_model
 from ambient_model.conformance import (
@@ -16,6 +16,7 @@ from ambient_model.conformance import (
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.intake import read_whole
 from ambient_model.model import Model
+from ambient_model.validation import SENTINELS_DEGC
 from ambientd.consumers import followed
 from ambientd.publish.proof import created, name_of, prove
 from ambientd.reference import LARGEST_BYTES
@@ -24,6 +25,9 @@ from ambientd.sources.assign import assigned_sensors, location_of
 from ambientd.sources.quantities import reference_degC
 from ambientd.sources.sensors import values_of
 from ambientd.sources.supervision import outside, wrong_unit
+
+_APART_K = 5.0
+"""A temperature of what no value may be is doubted where it is so far from the median of all."""
 
 
 def check_files(settings: Settings) -> None:
@@ -115,8 +119,16 @@ def check_sensors(settings: Settings) -> None:
         else:
             others = f", the first of {len(sensor.paths)} by this name" if len(sensor.paths) > 1 else ""
             _print("sensor", f"{sensor.name}, {sensor.paths[0]}: {value:g} {sensor.given.unit}{others}")
+            if sensor.given.unit == "degC" and value in SENTINELS_DEGC and _stands_apart(value, temperatures):
+                _print("warning", f"{sensor.name} reads {value:g} degC, as sensors do that have no value: see to it")
     if faults:
         raise Refused(settings.sysfs_root, faults)
+
+
+def _stands_apart(value_degC: float, all_degC: Sequence[float]) -> bool:
+    """Whether a temperature is far from the median of several, or all are the same."""
+    middle_degC = sorted(all_degC)[len(all_degC) // 2]
+    return len(all_degC) > 1 and (abs(value_degC - middle_degC) > _APART_K or len({*all_degC}) == 1)
 
 
 def check_all(settings: Settings, checks: tuple[Callable[[Settings], None], ...]) -> None:

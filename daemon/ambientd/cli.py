@@ -214,8 +214,8 @@ def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
 def _replay(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     from ambientd.replay import replay
 
-    count = replay(options.model, options.trace, options.output, options.from_s, options.to_s)
-    print(f"{options.output}: {count} estimates")
+    written = replay(options.model, options.trace, options.output, options.from_s, options.to_s)
+    print(f"{options.output}: {written}")
 
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:

@@ -63,15 +63,18 @@ def settings_for_model(path: str) -> Settings:
 def publishing_to(settings: Settings, specs: Sequence[Spec]) -> Settings:
     """``settings`` with ``specs``, which have no access of their own, in place of what is published."""
     settings = settings._replace(publish=tuple([_accessible(spec, settings.access) for spec in specs]))
-    for path in _written_twice(settings):
-        raise refuse("--publish", "", f"{path} stands twice", _OWN_PATH)
+    for problem in _clashes(settings):
+        raise refuse("--publish", "", problem, _OWN_PATH)
     return settings
 
 
-def _written_twice(settings: Settings) -> list[str]:
-    """The files that several outputs, or one and the state, would write, each in the place of the other's."""
+def _clashes(settings: Settings) -> list[str]:
+    """What several outputs, or one and the state, would write, or what one would write over that the daemon reads."""
     paths = [os.path.realpath(each.path) for each in created(settings.publish, settings.state)]
-    return sorted({path for path in paths if paths.count(path) > 1})
+    given = [settings.source, settings.model, *([settings.reference.path] if settings.reference else [])]
+    read = {os.path.realpath(each) for each in given}
+    twice = {f"{path} stands twice" for path in paths if paths.count(path) > 1}
+    return sorted(twice | {f"{path} is what the daemon reads" for path in paths if path in read})
 
 
 def _accessible(spec: Spec, access: Access) -> Spec:
@@ -209,8 +212,8 @@ class _Reading:
         if "model" not in data:
             self.fault("model", "missing", "name the model file")
         settings = settings._replace(**{key: read(key, data[key]) for key, read in readers.items() if key in data})
-        for path in _written_twice(settings):
-            self.fault("publish", f"{path} stands twice", _OWN_PATH)
+        for problem in _clashes(settings):
+            self.fault("publish", problem, _OWN_PATH)
         return settings
 
     def unknown(self, place: str, data: dict[Any, Any], known: tuple[str, ...]) -> None:

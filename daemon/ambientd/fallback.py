@@ -116,10 +116,10 @@ class FallbackTracker:
     def refused(self) -> dict[str, str]:
         """Why readings are refused, by the input's name."""
         validation = self.validation
-        if validation is None or not validation.refused:
+        if validation is None or not (validation.refused or validation.absent or validation.is_frozen):
             return _NONE_REFUSED
         inputs = self._main.tracker.estimator.inputs
-        return {inputs[i].name: str(each) for i, each in validation.refused.items()}
+        return {inputs[i].name: why for i, why in validation.refusals().items()}
 
     @property
     def _members(self) -> list[_Member]:

@@ -10,8 +10,8 @@ from ambientd.sources.replay import TraceSource, tracker_for
 COLUMNS = ("time_s", "ambient_degC", "low_degC", "high_degC", "status")
 
 
-def replay(model_path: str, trace_path: str, output_path: str, from_s: float | None, to_s: float | None) -> int:
-    """Write the estimates for a trace and return how many; raises :class:`Refused`, and then leaves the output alone.
+def replay(model_path: str, trace_path: str, output_path: str, from_s: float | None, to_s: float | None) -> str:
+    """Write the estimates for a trace and say how many; raises :class:`Refused`, and then leaves the output alone.
 
     Numbers are written with the fewest digits that read back as the same number, a missing value as an empty cell.
     """
@@ -21,7 +21,7 @@ def replay(model_path: str, trace_path: str, output_path: str, from_s: float | N
     model = load_model(model_path)
     with TraceSource(trace_path, model.main.inputs, from_s, to_s) as source:
         update = tracker_for(model, source).update
-        count = 0
+        count = known = 0
         with replacing(output_path, "gz" if output_path.endswith(".gz") else "w") as stream:
             stream.write(",".join(COLUMNS) + "\n")
             for time_s, readings in source:
@@ -30,5 +30,6 @@ def replay(model_path: str, trace_path: str, output_path: str, from_s: float | N
                     stream.write(f"{time_s!r},,,,{status}\n")
                 else:
                     stream.write(f"{time_s!r},{ambient!r},{low!r},{high!r},{status}\n")
+                    known += 1
                 count += 1
-    return count
+    return f"{count} estimates" if known == count else f"{known} estimates in {count} rows"

@@ -152,6 +152,8 @@ class Observer:
         self._last = (time_s, y)
         variance = validation.variance_degC2
         if variance or y != ambient:
+            # what the bounds take off shows that the estimate is wrong by as much
+            variance += ((y - ambient) / self._score) ** 2
             low = y - math.sqrt((ambient - low) ** 2 + self._score**2 * variance)
             high = y + math.sqrt((high - ambient) ** 2 + self._score**2 * variance)
         if status != COASTING and validation.is_coasting:

@@ -155,7 +155,7 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
     count = len(u)
     lows, before, slow = _names("l", len(model.mean) - count), _names("b", count), _names("s", count)
     z, d, last = [*u, *lows], _names("d", count), _names("t", count)
-    slow_gates, releases = _names("slow_gate", count), _names("release", count)
+    slow_gates, validation = _names("slow_gate", count), Validation(model, whole.main, period_s)
     slow_a = -math.expm1(-period_s / SLOW_S)
     a = [-math.expm1(-period_s / lag_s) for lag_s in model.lags_s for _ in range(count)]
     lines = [
@@ -170,26 +170,23 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
     for i, (given, each) in enumerate(zip(whole.main.inputs, model.sensors)):
         lines += [
             f"    if {u[i]} != {before[i]}:",
-            f"        if {_outside(u[i], given)} or abs({u[i]} - {before[i]}) > {each.jump!r}:",
+            f"        if {_outside(u[i], given)} or abs({u[i]} - {before[i]}) > {each.jump!r}"
+            f" or {u[i]} in {validation.sentinels[i]!r}:",
             "            return None",
         ]
     lines += [
         f"{_list(lows)} = lows = validation._lows",
         f"{_list(slow)} = validation._slow",
-        f"gates, {_list(slow_gates)}, {_list(releases)} = validation._limits",
+        f"gates, {_list(slow_gates)} = validation._limits",
         *([f"{_list(last)} = validation._last"] if any(each.turn for each in model.sensors) else []),
         "doubt_degC2 = 0.0",
     ]
-    validation = Validation(model, whole.main, period_s)
     for i, (constant, weights, gain) in enumerate(validation.usual()):
         turn = model.sensors[i].turn
         lines += [
             f"{d[i]} = {u[i]} - {constant!r} - ({_sum((weights, z))})",
-            f"if {d[i]} > {releases[i]} or {d[i]} < -{releases[i]}:",
-            f"    if {u[i]} in {validation.sentinels[i]!r}:",
-            "        return None",
-            f"    if not -gates[{i}] <= {d[i]} <= gates[{i}]:",
-            f"        doubt_degC2 = max(doubt_degC2, ({gain!r} * {d[i]}) ** 2)",
+            f"if not -gates[{i}] <= {d[i]} <= gates[{i}]:",
+            f"    doubt_degC2 = max(doubt_degC2, ({gain!r} * {d[i]}) ** 2)",
             *([f"if not {-turn!r} <= {d[i]} - {last[i]} <= {turn!r}:", "    return None"] if turn else []),
             f"if {slow[i]} > {slow_gates[i]} or {slow[i]} < -{slow_gates[i]}:",
             f"    doubt_degC2 = max(doubt_degC2, ({gain!r} * {slow[i]}) ** 2)",
@@ -227,6 +224,7 @@ def _bounds(model: ReadingModel, level: int) -> list[str]:
         "    y = min(max(y, last_degC - reach), last_degC + reach)",
         "observer._last = (time_s, y)",
         "if added_degC2 or y != ambient:",
+        f"    added_degC2 += ((y - ambient) / {SCORES[level]!r}) ** 2",
         f"    low = y - sqrt((ambient - low) ** 2 + {SCORES[level] ** 2!r} * added_degC2)",
         f"    high = y + sqrt((high - ambient) ** 2 + {SCORES[level] ** 2!r} * added_degC2)",
         f"    if status == {TRACKING!r}:",

@@ -70,6 +70,9 @@ _LONGEST_TURN = 2.0
 _MOST_EXPECTATIONS = 512
 _MOST_SETS = 256
 """Ten sensors have no more of any size."""
+_FROZEN_S, _FROZEN_SHARE, _FINE_K = 300.0, 3.0, 0.5
+"""All sensors of finer steps that stand still for so long, and for so many times as in training, are read no more: in
+nine measured logs they did so for 9 s or 3 samples at most."""
 SENTINELS_DEGC = (-273.15, -127.0, -40.0, 0.0, 85.0, 125.0, 127.0, 255.0)
 """What drivers and sensors report where they have no value: a stricter gate for what jumps there."""
 _PASSING_K, _PASSING_STEPS = 1.0, 5
@@ -201,6 +204,10 @@ class Validation:
         """Whether nothing is set aside, missing, coarse or new, so that :mod:`ambient_model.straight` may go on."""
         self._look_s = -math.inf
         """When to look next at what stands still."""
+        self.is_frozen = False
+        """Whether all readings stand still: what they were is read again and again."""
+        self.absent: dict[int, float] = {}
+        """What several sensors report at once that have no value, by their number."""
         self._forget()
         stds = [self._expectation(_NONE, i).std for i in range(count)]
         self._tails = [max(each.gate / (_SIGMAS * std), 1.0) for each, std in zip(model.sensors, stds)]
@@ -223,7 +230,7 @@ class Validation:
     def restore(self, state: ValidationState) -> None:
         """Continue from ``state``, which :meth:`fits`."""
         self._begun, self._start, self._slack = True, None, 1.0
-        self.is_usual, self._look_s = False, -math.inf
+        self.is_usual, self.is_frozen, self._look_s = False, False, -math.inf
         self._time_s = state.time_s
         z = [*state.used, *state.lows]
         self._still = [(state.time_s, value, z) for value in state.used]
@@ -242,6 +249,7 @@ class Validation:
 
     def update(self, time_s: float, readings: Sequence[float | None]) -> list[float] | None:
         """One value per input, read or replaced; None where no sensor is left. A missing reading is None."""
+        readings = self._without_sentinels(readings)
         passed_s = time_s - self._time_s
         self.starts_anew = self._start is not None
         unread_s = min([away_s for i, away_s in enumerate(self._away_s) if i not in self.refused], default=0.0)
@@ -272,6 +280,7 @@ class Validation:
         self._note_changes(readings, z)
         if time_s >= self._look_s:
             self._refuse_stuck(readings, z)
+            self.is_frozen = self._stands_still()
             self._look_s = self.next_look_s()
         self._follow(readings, z)
         if self.refused:
@@ -287,7 +296,7 @@ class Validation:
         self._predictions: dict[tuple[Sensors, int], tuple[list[float], float]] = {}
         """Of sensors that are missing for a short while, while the same are set aside."""
         self._limits: tuple[tuple[float, ...], ...] = ()
-        """Gates, slow gates and releases while nothing is set aside, where they have been asked for."""
+        """Gates and slow gates while nothing is set aside, where they have been asked for."""
         effects = [step * each.effect_degC for step, each in zip(self._steps, self._model.sensors)]
         self._coarse_degC2 = sum([effect * effect for effect in effects])
 
@@ -392,7 +401,25 @@ class Validation:
             for (_, weights, _), slow, own in zip(self.usual(), self._slow, offsets_degC)
         ]
 
+    def refusals(self) -> dict[int, str]:
+        """Why readings are not used, by the sensor's number."""
+        frozen = [i for i in range(self._count) if self.is_frozen]
+        found = dict.fromkeys(frozen, "stands still to the last bit, as all others do")
+        found |= {i: f"reads {value:g}, as sensors do that have no value" for i, value in self.absent.items()}
+        return found | {i: str(each) for i, each in self.refused.items()}
+
     # Samples
+
+    def _without_sentinels(self, readings: Sequence[float | None]) -> Sequence[float | None]:
+        """The readings, where several sensors report at once that they have no value as if all of these were missing.
+
+        They agree with one another, so that no expectation shows them to be wrong.
+        """
+        hits = [i for i, value in enumerate(readings) if value in self.sentinels[i]]
+        if self._begun:
+            hits = [i for i in hits if not self._passes(i, readings[i] or 0.0)]
+        self.absent = {i: readings[i] or 0.0 for i in hits if len(hits) > 1}
+        return [None if i in self.absent else value for i, value in enumerate(readings)] if self.absent else readings
 
     def _wait(self, start: _Start, time_s: float, readings: Sequence[float | None]) -> list[float] | None:
         """Begin again with each sensor's last reading, until all have been there or the rest is missing."""
@@ -416,6 +443,7 @@ class Validation:
     ) -> list[float] | None:
         """Start in equilibrium with the sensors that agree, without those that were ``refused`` and read the same."""
         self._begun, self._time_s, self._start_s, self._look_s = True, time_s, time_s, -math.inf
+        self.is_frozen = False
         self._slack, self.refused, self._slow = _STARTING_SLACK, refused, [0.0] * self._count
         self._learn_steps(readings)
         self._forget()
@@ -638,8 +666,20 @@ class Validation:
                 self._refuse([i], readings)
                 self.refused[i].used += moved
 
+    def _stands_still(self) -> bool:
+        """Whether several sensors of fine steps are there, and have all read the same to the last bit for too long."""
+        pairs = [(still[0], each) for still, each in zip(self._still, self._model.sensors)]
+        fine = [pair for i, pair in enumerate(pairs) if i not in self._apart and pair[1].step < _FINE_K]
+        most_s = [max(_FROZEN_S, _FROZEN_SHARE * each.still_s) for _, each in fine]
+        return len(fine) > 1 and all([self._time_s - since_s > most for (since_s, _), most in zip(fine, most_s)])
+
     def _follow(self, readings: Sequence[float | None], z: list[float]) -> None:
-        """Replace what is missing or refused, and follow the slow differences of the others."""
+        """Replace what is missing or refused, and follow the slow differences of the others.
+
+        Where nothing is left its last readings stay: the training's mean says nothing of this device.
+        """
+        if len(self._apart) == self._count:
+            return
         if self._held or None in readings:
             self._move_held(readings, z)
         for i, (value, expectation) in enumerate(zip(readings, self._expectations())):
@@ -713,13 +753,12 @@ class Validation:
         replaced_degC2 = self._replaced_degC2 if self._apart else 0.0
         coarse = self._coarse_degC2 > self._usual_degC2 and self._time_s - self._start_s >= _CERTAIN_S
         self.is_degraded = doubted or coarse or bool(self._apart)
-        self.is_coasting = replaced_degC2 > _COASTING_STD_DEGC**2
+        self.is_coasting = self.is_frozen or replaced_degC2 > _COASTING_STD_DEGC**2
         self.variance_degC2 = self._coarse_degC2 + replaced_degC2 + (self._doubt_degC2 if doubted else 0.0)
-        self.is_usual = not (self._start or self._apart or self._held or any(self._steps)) and used == [
-            still[1] for still in self._still
-        ]
+        odd = self._start or self._apart or self._held or self.is_frozen or any(self._steps)
+        self.is_usual = not odd and used == [still[1] for still in self._still]
         if self.is_usual and not self._limits:
-            self._limits = tuple(zip(*[each[2:5] for each in self._expectations()]))
+            self._limits = tuple(zip(*[each[2:4] for each in self._expectations()]))
         return None if len(self._apart) == count else used
 
 

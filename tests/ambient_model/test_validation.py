@@ -264,6 +264,25 @@ def test_a_silence_of_all_sensors_coasts_and_then_faults_and_what_follows_is_a_s
     assert {each.status for each in fed(observer, 20, lambda k, u: [x - 10 for x in u], start=820)} == {"tracking"}
 
 
+@pytest.mark.parametrize("first", [0, 700])
+@pytest.mark.parametrize("wrong", [(0, 2, 3), (0, 1, 2, 3)])
+def test_what_several_report_without_a_value_is_no_reading(observer: Observer, first: int, wrong) -> None:
+    """They agree with one another, so that no expectation tells; whether the rest goes on or nothing is left."""
+    fed(observer, first)
+    found = fed(observer, 60, lambda k, u: [85.0 if i in wrong else value for i, value in enumerate(u)], start=first)
+    found += fed(observer, 60, start=first + 60)
+    off = [each.ambient_degC - 25 - k / 400 for k, each in enumerate(found, first) if each.ambient_degC is not None]
+    assert len(off) >= 60
+    assert max(map(abs, off)) < 0.5
+
+
+def test_where_all_stand_still_for_minutes_nothing_is_read_until_one_moves(observer: Observer) -> None:
+    fed(observer, 700)
+    found = fed(observer, 400, lambda k, u: readings_at(699), start=700)
+    assert [found[k].status for k in (200, 310, -1)] == ["tracking", "coasting", "faulted"]
+    assert fed(observer, 20, start=1100)[-1].status == "tracking"
+
+
 @pytest.mark.parametrize(("missing", "moves"), [((0,), True), ((0, 1), True), ((0, 1, 2), False)])
 def test_a_missing_reading_moves_with_those_that_are_there(model: Model, missing, moves) -> None:
     """Unless they are too few: then it keeps its last value, and is doubted."""
@@ -305,6 +324,7 @@ def test_the_output_stays_within_its_bounds(model: Model) -> None:
     assert max(each.ambient_degC for each in found) <= 25.2
     assert found[-1].status == "degraded"
     assert np.abs(np.diff([each.ambient_degC for each in found])).max() <= 0.001 + 1e-12
+    assert found[-1].high_degC > 26.4, "what the bounds take off is in the interval"
 
 
 def test_a_snapshot_continues_alike(model: Model, observer: Observer) -> None:

@@ -185,13 +185,14 @@ def test_the_daemon_reads_every_kind_and_finds_a_renumbered_one_again(
 
 
 @pytest.mark.parametrize(
-    ("content", "unit"), [("31\n", "reports degrees"), ("310\n", "reports tenths"), ("31000\n", None)]
+    ("content", "unit"), [("31\n", "reports degrees"), ("310\n", "reports tenths"), ("31000\n", None), ("0\n", None)]
 )
 def test_a_zone_in_another_unit_is_named(check, model_file, sysfs, content, unit):
     sysfs.zone(0, "usb-therm", content)
     sysfs.zone(1, "battery", "30000\n")
-    _, refused = check("--model", model_file, "--sysfs-root", sysfs.root, status=0 if unit is None else 1)
+    printed, refused = check("--model", model_file, "--sysfs-root", sysfs.root, status=0 if unit is None else 1)
     assert unit is None or ("sensor usb" in str(refused) and unit in str(refused))
+    assert ("warning" in dict(printed)) == (content == "0\n"), "what sensors read that have no value"
 
 
 CONSUMERS = {

@@ -36,6 +36,7 @@ def temp(phone, number):
     ("number", "content", "read", "note"),
     [
         (3, "\x1b[2J\n", [30.0, None], "sensor battery: no value (its content is b'\\x1b[2J\\n')"),
+        (10, "31\n", [None, 25.0], "sensor usb: set aside (reports degrees: 31 degC taken for 0.031)"),
         (10, "125000\n", [125.0, 25.0], "sensor usb: set aside (125 degC is outside -20 to 90)"),
     ],
 )

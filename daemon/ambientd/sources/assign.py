@@ -39,6 +39,13 @@ def assigned_sensors(settings: Settings, model: Model) -> list[Sensor]:
         for each in model.main.inputs
         if each.name in settings.sensors and settings.sensors[each.name].unit != each.unit
     ]
+    found = [(each, location_of(settings, each)) for each in model.main.inputs]
+    faults += [
+        Fault(f"input {each.name}", f"is read from {where}, as {other.name} is", "name one for each")
+        for number, (each, where) in enumerate(found)
+        for other, same in found[:number]
+        if same == where
+    ]
     if faults:
         raise Refused(settings.source, faults)
     unread = [

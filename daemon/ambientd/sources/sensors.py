@@ -13,8 +13,6 @@ from ambientd.sources.sensor import Sensor
 from ambientd.sources.supervision import BackOff, Rules, Supervision, outside
 from ambientd.sources.trial import Trial, finished
 
-_NO_DOUBTS: dict[int, str] = {}
-
 
 class Sensors:
     """Some sensors, in their order. ``note`` takes a message for each that fails or returns.
@@ -77,7 +75,9 @@ class Sensors:
         """Search for what is missing, set aside what is implausible, and report what has changed."""
         if None in values:
             self._try_again(now_s, values)
-        doubts = self._supervision.doubts(now_s, values) if self._supervision.watches else _NO_DOUBTS
+        doubts = self._supervision.in_wrong_units(values)
+        if self._supervision.watches:
+            doubts |= self._supervision.doubts(now_s, values)
         self._is_calm = not self._supervision.watches
         for index, (value, sensor, notice) in enumerate(zip(values, self._sensors, self._notices)):
             if value is None:

@@ -101,6 +101,12 @@ class Supervision:
             reasons.update((self._temperatures[place], reason) for place, reason in found.items())
         return reasons
 
+    def in_wrong_units(self, values: Sequence[float | None]) -> dict[int, str]:
+        """Which of the temperatures among ``values`` are in another unit than the kernel's, per index, and why."""
+        known = [(index, value) for index in self._temperatures if (value := values[index]) is not None]
+        all_degC = [value for _, value in known]
+        return {index: why for index, value in known if (why := wrong_unit(value, all_degC))}
+
     def _in_range(self, index: int, values: Sequence[float | None]) -> float | None:
         value = values[index]
         return None if value is None or outside(self._inputs[index], value) else value
