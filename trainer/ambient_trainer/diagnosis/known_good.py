@@ -11,12 +11,12 @@ import numpy as np
 
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.diagnosis.findings import left_degC
+from ambient_trainer.diagnosis.findings import residuals_degC
 from ambient_trainer.diagnosis.greybox.file import greybox_of
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, expected_start, fit, simulate
-from ambient_trainer.diagnosis.greybox.revision import beside
-from ambient_trainer.diagnosis.greybox.screening import lasting_candidates
+from ambient_trainer.diagnosis.greybox.revision import refit_as
+from ambient_trainer.diagnosis.greybox.screening import permanent_candidates
 from ambient_trainer.diagnosis.greybox.stepwise import Progress, bare_fit, stepwise
 from ambient_trainer.diagnosis.record import Record, records_of
 
@@ -63,18 +63,18 @@ def train_on_baselines(
     """A forward ``circuit`` fitted to known-good traces, with what they need besides."""
     good = [each for trace in traces for each in records_of(circuit, trace, period_s)]
     bare = bare_fit(greybox_of(circuit), good)
-    final = _settled(stepwise(bare, progress=progress, offered=lasting_candidates).final)
-    noise = np.maximum(np.sqrt(np.nanmean(left_degC(final) ** 2, axis=1)), _FINEST_DEGC)
+    final = _drop_slow_masses(stepwise(bare, progress=progress, offered=permanent_candidates).final)
+    noise = np.maximum(np.sqrt(np.nanmean(residuals_degC(final) ** 2, axis=1)), _FINEST_DEGC)
     return KnownGood(final.model, Prior.trained(final), period_s, noise, final.held_out_rmse_degC)
 
 
-def _settled(fitted: Fitted) -> Fitted:
+def _drop_slow_masses(fitted: Fitted) -> Fitted:
     """Without bodies slower than the records, and what acts on them: each would take up whatever has changed since."""
     model = fitted.model
     slow = next((index for index, each in enumerate(model.mechanisms) if each.slow), None)
     if slow is None:
         return fitted
     gone = [model.mechanisms[slow], *model.carried(slow)]
-    less = beside(fitted, replace(model, mechanisms=tuple(each for each in model.mechanisms if each not in gone)))
+    less = refit_as(fitted, replace(model, mechanisms=tuple(each for each in model.mechanisms if each not in gone)))
     # without it another one may have become as slow
-    return fitted if less is None else _settled(less)
+    return fitted if less is None else _drop_slow_masses(less)

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.findings import cause_of, left_degC
+from ambient_trainer.diagnosis.findings import cause_of, residuals_degC
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import Fitted, simulate
 from ambient_trainer.diagnosis.greybox.stepwise import Selection
@@ -100,7 +100,7 @@ def _columns(trial: Trial) -> tuple[str, ...]:
 
 def _largest(one: Fitted, other: Fitted) -> Difference | None:
     """The switch after which two models differ most."""
-    sd = np.sqrt(np.nanmean(left_degC(one) ** 2, axis=1)) + 1e-6
+    sd = np.sqrt(np.nanmean(residuals_degC(one) ** 2, axis=1)) + 1e-6
     read = np.concatenate([record.sensors for record in one.records], axis=1)
     seen_degC = float(np.nanmin(read)) - _BEYOND_K, float(np.nanmax(read)) + _BEYOND_K
     found = (_difference(one, other, *switch, sd, seen_degC) for switch in _switches(one, other))
@@ -128,8 +128,8 @@ def _difference(
 
 def _simulated(model: GreyBox, record: Record) -> Array:
     """What sensors read, (s, N); what acted for a while is made to act all the time."""
-    lasting = tuple(replace(each, onset_s=None, end_s=None) for each in model.mechanisms)
-    model = replace(model, mechanisms=lasting)
+    permanent = tuple(replace(each, onset_s=None, end_s=None) for each in model.mechanisms)
+    model = replace(model, mechanisms=permanent)
     nodes = len(model.network(record, model.z()[None]).nodes)
     return simulate(model, record, model.z()[None], np.full((1, nodes), _STARTS_DEGC))[0]
 
@@ -167,7 +167,7 @@ def _switches(one: Fitted, other: Fitted) -> Iterator[tuple[str, float, float]]:
 
 def _survey(final: Fitted) -> str:
     """Every input by itself; the sensor to watch is the one that is most off."""
-    off, circuit = np.sqrt(np.nanmean(left_degC(final) ** 2, axis=1)), final.model.circuit
+    off, circuit = np.sqrt(np.nanmean(residuals_degC(final) ** 2, axis=1)), final.model.circuit
     worst, columns = int(np.argmax(off)), ", ".join(f"`{name}`" for name in circuit.inputs)
     return (
         f"From rest, change {columns} one at a time and back again, and log what else goes on at"

@@ -23,14 +23,14 @@ from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.diagnosis import NONE, UNKNOWN, KnownGood, forward
 from ambient_trainer.diagnosis.diagnose import FEWEST_SAMPLES
 from ambient_trainer.diagnosis.findings import cause_of
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.file import greybox_of
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Gain
 from ambient_trainer.diagnosis.greybox.model import FREE_SD, Mechanism, Number
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit
-from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.screening import Screened, changed_candidates, ends_within, screen
+from ambient_trainer.diagnosis.greybox.screening import Screened, change_candidates, ends_within, screen
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
-from ambient_trainer.diagnosis.greybox.trials import Trial, compared
+from ambient_trainer.diagnosis.greybox.trials import Trial, fit_candidates
 from ambient_trainer.diagnosis.record import Record, diagnosis_period_s, records_of
 from ambient_trainer.estimation.uncertainty import residual_memory
 from ambient_trainer.fleet.dataset import require_values
@@ -144,8 +144,8 @@ def name_cause(typical: Typical, trace: Trace, unit: str = "") -> Outlier:
     with threadpool_limits(1):
         known = typical.known
         bare = known.bare_fit(known.records([_checked(known.model.circuit, trace)]))
-        screened = [each for each in screen(Scene(bare), changed_candidates) if _of_one_unit(each.mechanism)]
-        trials = [each for each in compared(bare, _forms(screened), lambda *_: None) if not each.at_bounds]
+        screened = [each for each in screen(Context(bare), change_candidates) if _of_one_unit(each.mechanism)]
+        trials = [each for each in fit_candidates(bare, _forms(screened), lambda *_: None) if not each.at_bounds]
     return _most_probable(unit, bare, trials, typical)
 
 
@@ -160,9 +160,9 @@ def _forms(screened: Sequence[Screened]) -> list[Screened]:
     best: dict[object, Screened] = {}
     for each in screened:
         mechanism = each.mechanism
-        best.setdefault((mechanism.cause, mechanism.places, mechanism.lasts), each)
-    passing = [each for each in best.values() if not each.mechanism.lasts]
-    return [*(each for each in best.values() if each.mechanism.lasts), *passing[:_PASSING]]
+        best.setdefault((mechanism.cause, mechanism.places, mechanism.permanent), each)
+    passing = [each for each in best.values() if not each.mechanism.permanent]
+    return [*(each for each in best.values() if each.mechanism.permanent), *passing[:_PASSING]]
 
 
 def _most_probable(unit: str, bare: Fitted, trials: Sequence[Trial], typical: Typical) -> Outlier:

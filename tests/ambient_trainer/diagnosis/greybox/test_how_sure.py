@@ -13,7 +13,7 @@ from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
-from ambient_trainer.diagnosis.greybox.revision import beside, pruned
+from ambient_trainer.diagnosis.greybox.revision import prune, refit_as
 from ambient_trainer.diagnosis.greybox.stepwise import Selection, bare_fit
 from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.result import UNKNOWN
@@ -83,9 +83,9 @@ def fits(circuit, simulated, recorded):
 
 def test_what_gains_less_than_a_step_has_to_goes(fits):
     _, _, both = fits
-    lost = np.log(beside(both, both.model.without(0)).held_out_rmse_degC / both.held_out_rmse_degC)
+    lost = np.log(refit_as(both, both.model.without(0)).held_out_rmse_degC / both.held_out_rmse_degC)
     assert 0.025 < lost < 0.085
-    assert [each.driver.text for each in pruned(both, 0).model.mechanisms] == ["sun_W_m2"]
+    assert [each.driver.text for each in prune(both, 0).model.mechanisms] == ["sun_W_m2"]
 
 
 def test_it_is_not_sure_though_it_gained_much_when_it_was_taken(fits):
@@ -117,4 +117,4 @@ def test_heat_that_wanders_is_surely_no_heat_for_a_while(circuit, simulated, see
 )
 def test_work_that_cools_stands_for_something_else(driver, value, doubtful):
     """A measured processor seemed to be cooled by its load, as a fan went with it."""
-    assert heat(driver, value).doubtful is doubtful
+    assert heat(driver, value).ambiguous is doubtful

@@ -1,4 +1,4 @@
-"""A grey-box model: a circuit read forward, and mechanisms that were added to it; their numbers are fitted together.
+"""A grey-box model: a circuit in forward form with added mechanisms, whose parameters are estimated together.
 
 Every number has a coordinate z: its logarithm where it is positive by nature, else its multiple of ``scale``.
 """
@@ -78,69 +78,72 @@ class Mechanism:
     end_s: float | None = None
 
     cause = ""
-    """What the diagnosis calls it."""
+    """Its key in a diagnosis."""
     noun = ""
-    """The same in words."""
+    """The same as a noun phrase."""
     instrument = False
-    """It is the instrument's, not heat's."""
+    """It is a sensor fault, not a thermal effect."""
 
     @property
-    def responds(self) -> bool:
-        """Whether what drives it is a temperature that the same causes may drive."""
+    def endogenous(self) -> bool:
+        """Whether its driver is a temperature that responds to the same causes."""
         return False
 
     @property
-    def given(self) -> bool:
-        """Whether what drives it is a temperature that nothing else here drives."""
+    def exogenous(self) -> bool:
+        """Whether its driver is a temperature that is imposed from outside."""
         return False
 
     @property
     def structural(self) -> bool:
-        """Whether it is of how a device is built: known-good records would have shown it."""
+        """Whether it belongs to the design of the device: known-good records would have shown it."""
         return False
 
     @property
     def tuned(self) -> bool:
-        """Whether its driver has a delay or a level, which is placed on a grid and then refined."""
+        """Whether its driver has a delay or a threshold, which is searched on a grid and then refined."""
         return False
 
     @property
-    def doubtful(self) -> bool:
-        """Whether something quite different reads the same."""
+    def ambiguous(self) -> bool:
+        """Whether a quite different cause gives the same readings."""
+        return False
+
+    @property
+    def step_like(self) -> bool:
+        """Whether the readings jump where it begins or ends."""
         return False
 
     @property
     def slow(self) -> bool:
-        """Whether it is a body slower than the record: any temperature that stays does the same."""
+        """Whether it is a mass slower than the record: a constant temperature acts the same."""
         return False
 
     @property
     def assumes(self) -> float:
-        """What it takes for granted besides its numbers."""
+        """What it assumes besides its parameters."""
         return 0.0
 
-    stops = True
-    """Whether what has begun may end: a drift that stops is a step."""
+    may_end = True
+    """Whether what has begun may end within the record: a drift that ends is a step."""
     adds_nodes = False
-    """It comes before what acts on nodes."""
+    """It is applied before mechanisms that act on nodes."""
     by_place = False
-    """It has an amount of its own at each of several places."""
+    """It has a separate amount at each of several places."""
     of_reference = False
-    """Whether it is the instrument of the ambient: it shows at all sensors."""
-    sudden = False
-    """Where it begins or ends, the readings jump."""
-    evident = False
-    """It shows itself in the readings alone."""
-    shaped = False
-    """What it does to first order says little of what it does: it is fitted from several starts."""
+    """Whether it is a fault of the ambient's reference: it affects all sensors."""
+    visible_in_readings = False
+    """It can be seen in the readings without a model: a sensor that is stuck."""
+    multistart = False
+    """It is strongly nonlinear: it is fitted from several starting points."""
 
     @property
-    def lasts(self) -> bool:
-        """Whether it acts all the time."""
+    def permanent(self) -> bool:
+        """Whether it acts throughout the record."""
         return (self.onset_s, self.end_s) == (None, None)
 
-    def meets(self, other: Mechanism) -> bool:
-        """Whether there is a time at which both act."""
+    def overlaps(self, other: Mechanism) -> bool:
+        """Whether both act at some time."""
         onsets = (each.onset_s for each in (self, other) if each.onset_s is not None)
         ends = (each.end_s for each in (self, other) if each.end_s is not None)
         return max(onsets, default=-np.inf) < min(ends, default=np.inf)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.greybox.recursion import Terms, answered, filtered, heat_along
+from ambient_trainer.diagnosis.greybox.recursion import Terms, filtered, heat_along_trajectory, nonlinear_response
 from ambient_trainer.diagnosis.record import averaged
 from ambient_trainer.lti.lag import lag_weights
 
@@ -51,7 +51,7 @@ class Network:
     """Heat that has another course in each lane: nodes (k,), W (P, k, N)."""
     loss: Array = field(default_factory=lambda: np.zeros(0))
     """To each boundary as the circuit has it (P, n, b)."""
-    bent: dict[tuple[int, int], Array] = field(default_factory=dict)
+    varying_loss: dict[tuple[int, int], Array] = field(default_factory=dict)
     """What a node's conductance to a boundary is more than ``to_boundary`` from time to time, (P, N)."""
     varying: list[tuple[NDArray[np.intp], Array, Array]] = field(default_factory=list)
     """Conductances that vary: nodes (k,), W/K (P, k, N), and the temperature on the other side (broadcast to that)."""
@@ -156,14 +156,14 @@ class Network:
         """Shares (P, k, N) more of what ``nodes`` lose to a boundary as it stands."""
         self.shares.append((nodes, boundary, share))
         for node, more in zip(nodes.tolist(), np.moveaxis(share, 1, 0)):
-            row = self.bent.get((node, boundary), np.zeros((self.lanes, 1)))
+            row = self.varying_loss.get((node, boundary), np.zeros((self.lanes, 1)))
             more = more * (self.to_boundary[:, node, boundary, None] + row)
             mean = more.mean(axis=1)
             self.to_boundary[:, node, boundary] += mean
             more -= mean[:, None]
             # a mean is rounded in each lane by itself
             if np.ptp(more, axis=1).any():
-                self.bent[node, boundary] = row + more
+                self.varying_loss[node, boundary] = row + more
                 self.vary([node], more[:, None], self.boundary_degC[boundary])
 
     def _active(self) -> NDArray[np.intp]:
@@ -198,12 +198,12 @@ class Network:
                     row *= 1.0 + lower
         return Terms(known, fall, pair_nodes, pair_G, power_node, air_degC, power_G, power, phase_nodes, phase)
 
-    def frozen(self, nodes_degC: Array) -> None:
-        """Take all terms as they are along ``nodes_degC`` (n, N), the first nodes of this network: known heat."""
+    def linearise_along(self, nodes_degC: Array) -> None:
+        """Linearise along ``nodes_degC`` (n, N), the first nodes of this network: known heat."""
         active = self._active()
         along = [nodes_degC[each] if each < len(nodes_degC) else nodes_degC.mean(axis=0) for each in active]
         if along:
-            self.flows.append((active, heat_along(np.array(along), self._terms(active))))
+            self.flows.append((active, heat_along_trajectory(np.array(along), self._terms(active))))
         self.varying, self.pairs, self.powers, self.phases = [], [], [], []
 
     def _modes(self, start_degC: Array) -> tuple[Array, Array]:
@@ -223,7 +223,7 @@ class Network:
         if self.nonlinear:
             active = self._active()
             out_k, into_k = np.ascontiguousarray(out[:, active]), np.ascontiguousarray(into[:, :, active])
-            modes += answered(out_k @ modes, kept, before, now, into_k, out_k, self._terms(active))
+            modes += nonlinear_response(out_k @ modes, kept, before, now, into_k, out_k, self._terms(active))
         return out, modes
 
     def _drive(self, into: Array) -> Array:

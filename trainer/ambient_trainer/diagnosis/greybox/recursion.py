@@ -68,7 +68,7 @@ def filtered(drive, kept, before, now, first):  # type: ignore[no-untyped-def]
 
 
 @_compiled
-def answered(along, kept, before, now, into, out, terms):  # type: ignore[no-untyped-def]
+def nonlinear_response(along, kept, before, now, into, out, terms):  # type: ignore[no-untyped-def]
     """What the terms add to the modes (P, n, N), beside active nodes at ``along`` (P, k, N) without them.
 
     Exponential Runge-Kutta of order 2: predicted with the heat of the sample before, corrected with what follows.
@@ -125,12 +125,12 @@ def answered(along, kept, before, now, into, out, terms):  # type: ignore[no-unt
     return modes
 
 
-def heat_along(degC: Array, terms: Terms) -> Array:
+def heat_along_trajectory(degC: Array, terms: Terms) -> Array:
     """The heat (P, k, N) of all lanes along temperatures (k, N): each a mode of its own that answers at once."""
     lanes, nodes, samples = terms.known.shape
     along = np.repeat(degC[None], lanes, axis=0)
     at_once, never, itself = np.ones((lanes, nodes)), np.zeros((lanes, nodes)), np.tile(np.eye(nodes), (lanes, 1, 1))
-    result = answered(along, never, never, at_once, itself, np.zeros_like(itself), terms)
+    result = nonlinear_response(along, never, never, at_once, itself, np.zeros_like(itself), terms)
     # modes begin at nothing, whatever the first sample's heat
     result[:, :, 0] = result[:, :, min(1, samples - 1)]
     return np.asarray(result)

@@ -51,7 +51,7 @@ _OF_A_CURRENT = (*_CHARGES, "_V")
 
 
 @dataclass(frozen=True)
-class Scene:
+class Context:
     """The model as it is fitted, and ``nodes_degC`` (n, N) of every record."""
 
     fitted: Fitted
