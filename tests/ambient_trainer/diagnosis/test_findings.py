@@ -10,8 +10,8 @@ import pytest
 from ambient_trainer.api.diagnosing import DiagnosisResult
 from ambient_trainer.diagnosis.diagnose import _has_large_misfit
 from ambient_trainer.diagnosis.figures import driving
-from ambient_trainer.diagnosis.findings import _confidence, _numbers, _is_rival
-from ambient_trainer.diagnosis.greybox.choice import Step
+from ambient_trainer.diagnosis.findings import _confidence, _is_rival, _numbers
+from ambient_trainer.diagnosis.greybox.choice import SelectionStep
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.coupling import ZoneLoss
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
@@ -51,7 +51,7 @@ def sure(chosen: Trial, *others: Trial, also: Sequence[Trial] = ()) -> float:
     """The confidence in a trial beside others, where the final model holds it, and what else it holds."""
     model = SimpleNamespace(mechanisms=[each.mechanism for each in (chosen, *also)])
     before = SimpleNamespace(held_out_rmse_degC=2.0, model=SimpleNamespace(mechanisms=model.mechanisms[1:]))
-    step = Step(before, chosen, (chosen, *others), 1)
+    step = SelectionStep(before, chosen, (chosen, *others), 1)
     return _confidence(step, chosen, SimpleNamespace(model=model, records=chosen.fitted.records))
 
 
@@ -137,7 +137,7 @@ def test_the_rest_of_what_is_there_is_no_rival():
     before = SimpleNamespace(held_out_rmse_degC=2.0, model=SimpleNamespace(mechanisms=[first]))
     for held, told in ((heat("one_frac", board=(1, 1), lid=(1, 1)), True), (first, False)):
         final = SimpleNamespace(model=SimpleNamespace(mechanisms=[chosen.mechanism, held]), records=records)
-        assert (_confidence(Step(before, chosen, (rest, chosen), 1), chosen, final) > 0.9) == told
+        assert (_confidence(SelectionStep(before, chosen, (rest, chosen), 1), chosen, final) > 0.9) == told
 
 
 BODY = Number("G_board_mass", "W/K", 1.0, log=True), Number("lag_board_mass", "s", 9.0, log=True)

@@ -144,7 +144,7 @@ def test_an_interrupted_run_goes_on_and_another_is_refused(fleet_units, tmp_path
     log.write_bytes(content[:-1])
     (tmp_path / "part/.parts/look-000001.pickle").write_bytes(b"")  # after a power failure
     begun = []
-    monkeypatch.setattr(fit_units, "begin", lambda *_: begun.append(1))
+    monkeypatch.setattr(fit_units, "initialise", lambda *_: begun.append(1))
     asked = {"engine": "serial", "effort": EFFORT, "progress": lambda *now: seen.append(now)}
     at.fit_fleet(logs, "free-1", tmp_path / "part", resume=True, **asked)
     assert not begun

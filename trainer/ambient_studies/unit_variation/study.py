@@ -28,7 +28,7 @@ from ambient_trainer.evaluation import correction, evaluate_trace
 from ambient_trainer.simulator import (
     Planned,
     Scenario,
-    Step,
+    ScenarioStep,
     Unit,
     drawn,
     load_scenario,
@@ -43,7 +43,7 @@ CALIBRATION_DEGC = 25.0
 KNOWN_MIN, ON_BEFORE_MIN = 10.0, 30.0
 """How long the ambient is known, and how long the phone has been on by then."""
 _SETTLED, _REST = (
-    Step(duration_min=minutes, chamber_degC=CALIBRATION_DEGC) for minutes in (15.0, ON_BEFORE_MIN + KNOWN_MIN)
+    ScenarioStep(duration_min=minutes, chamber_degC=CALIBRATION_DEGC) for minutes in (15.0, ON_BEFORE_MIN + KNOWN_MIN)
 )
 _RESTING = Scenario(about=f"At rest at {CALIBRATION_DEGC:g} degC", before=(_SETTLED,), steps=(_REST,))
 

@@ -16,6 +16,7 @@ from ambient_trainer.diagnosis.greybox.choice import (
     ENDOGENOUS_PENALTY,
     MAX_UNEXPLAINED_BY_WINDOW,
     MIN_CORRELATION,
+    SelectionStep,
     coincides_with,
     collinear,
     correlation,
@@ -23,7 +24,6 @@ from ambient_trainer.diagnosis.greybox.choice import (
     leaves_offset_steps,
     unexplained_by_window,
 )
-from ambient_trainer.diagnosis.greybox.choice import Step as Chosen
 from ambient_trainer.diagnosis.greybox.context import LIGHT, Context
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.model import Mechanism
@@ -95,7 +95,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
     return tuple(result)
 
 
-def retained_mechanisms(step: Chosen, selection: Selection) -> list[Mechanism]:
+def retained_mechanisms(step: SelectionStep, selection: Selection) -> list[Mechanism]:
     """The mechanisms of the final model that a step has chosen."""
     added = selection.final.model.mechanisms[len(selection.bare.model.mechanisms) :]
     return [] if step.chosen is None else [each for each in added if is_same(each, step.chosen.mechanism)]
@@ -181,7 +181,7 @@ def _is_rival(trial: Trial, chosen: Trial) -> bool:
     return another and same and not trial.at_bounds and penalised(trial) - penalised(chosen) < _ALIKE
 
 
-def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math.inf) -> float:
+def _confidence(step: SelectionStep, chosen: Trial, final: Fitted, needed: float = math.inf) -> float:
     """The probability that the cause, its place and its driver are right, by the margin over the closest other that is
     not there, too, and by what is ``needed`` of it at the end."""
     if chosen.mechanism.visible_in_readings:
@@ -200,7 +200,7 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
 
 
-def _is_ambiguous(step: Chosen, chosen: Trial, final: Fitted) -> bool:
+def _is_ambiguous(step: SelectionStep, chosen: Trial, final: Fitted) -> bool:
     """Whether something quite different reads the same, or nothing else was tried beside what was found with it."""
     mechanism, records = chosen.mechanism, final.records
     # later steps may have moved its numbers
@@ -348,7 +348,7 @@ def ranking_of(selection: Selection, named: bool) -> tuple[Ranked, ...]:
     return tuple(_ranked(selection.compared, trial, taken) for trial in best.values())
 
 
-def _ranked(step: Chosen, trial: Trial, taken: set[tuple[str, tuple[str, ...], str]]) -> Ranked:
+def _ranked(step: SelectionStep, trial: Trial, taken: set[tuple[str, tuple[str, ...], str]]) -> Ranked:
     mechanism, gain = trial.mechanism, _gain(step.before, trial.fitted, trial, step.tried)
     magnitude, _ = _numbers(trial.fitted, len(trial.fitted.model.mechanisms) - 1)
     best = step.chosen and (step.chosen.mechanism.key, step.chosen.permanent)

@@ -13,7 +13,7 @@ import pandas as pd
 
 from ambient_trainer.diagnosis import figures
 from ambient_trainer.diagnosis.greybox.file import kinds
-from ambient_trainer.diagnosis.residual_tests import residual_memory_s
+from ambient_trainer.diagnosis.residual_tests import correlation_s
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Array, Cause, Diagnosis, Magnitude, Ranked, Step, Tested
 from ambient_trainer.diagnosis.words import chance, clock, digits, duration, window
 from ambient_trainer.report import Block, Facts, Figure, Finding, Report, Section, Status, Table
@@ -341,5 +341,5 @@ def _residuals(diagnosis: Diagnosis) -> dict[str, dict[str, float]]:
 def _figures(diagnosis: Diagnosis, values: Array) -> dict[str, float]:
     """Root mean square, standard deviation and autocorrelation time of a residual (N,); NaN where nothing is known."""
     known = pd.Series(values[np.isfinite(values)])
-    rmse, memory_s = float(np.sqrt((known**2).mean())), residual_memory_s(diagnosis.time_s, values)
-    return {"rmse_degC": rmse, "std_degC": float(known.std(ddof=0)), "memory_s": memory_s}
+    rmse, time_s = float(np.sqrt((known**2).mean())), correlation_s(diagnosis.time_s, values)
+    return {"rmse_degC": rmse, "std_degC": float(known.std(ddof=0)), "memory_s": time_s}

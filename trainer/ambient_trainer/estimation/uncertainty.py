@@ -65,17 +65,17 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     known = ~silent & ((blind**2).sum(axis=0) < _INVOLVED**2)
     inverse = (Vt[kept].T / singular[kept]) @ (Vt[kept] / singular[kept][:, None]) / np.outer(scale, scale)
     outputs = [row[~np.isnan(row)] for each in errors for row in each]
-    memory = max((residual_memory(each) for each in outputs if len(each)), default=1.0)
+    correlation_samples = max((autocorrelation_time(each) for each in outputs if len(each)), default=1.0)
     samples = sum(each.shape[1] for each in errors)
-    memories = np.clip(samples / memory / (len(loose) + _SPARE), *_MEMORIES_PER_BATCH)
-    batch = 1 if memory < _WHITE else math.ceil(memories * memory)
+    batch_times = np.clip(samples / correlation_samples / (len(loose) + _SPARE), *_MEMORIES_PER_BATCH)
+    batch = 1 if correlation_samples < _WHITE else math.ceil(batch_times * correlation_samples)
     slopes = [np.einsum("kqn,qn->nk", J_t[loose], np.nan_to_num(r)) for J_t, r in zip(rows, errors) if r.size]
     scores = np.concatenate([np.add.reduceat(s, np.arange(0, len(s), batch), axis=0) for s in slopes])
     spare = len(scores) - len(loose)
     standard_error = np.full(len(names), np.nan)
     if spare >= 5:
         # what is remembered from one batch to the next is half a memory, and lacks in the batches' variance
-        short = batch / (batch - memory / 2) if batch > 1 else 1.0
+        short = batch / (batch - correlation_samples / 2) if batch > 1 else 1.0
         covariance = inverse @ (scores.T @ scores) @ inverse * (short * len(scores) / spare)
         standard_error[loose] = np.where(known, np.sqrt(np.diag(covariance)), np.nan)
     identifiable = np.ones(len(names), dtype=bool)
@@ -83,10 +83,10 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     involved = [loose[np.abs(direction) > _INVOLVED] for direction in blind]
     confounded = tuple(tuple(names[k] for k in each) for each in involved)
     quantile = float(stats.t.ppf(0.975, max(spare, 1)))
-    return Uncertainty(names, standard_error, quantile, at_bound, identifiable, confounded, memory)
+    return Uncertainty(names, standard_error, quantile, at_bound, identifiable, confounded, correlation_samples)
 
 
-def residual_memory(errors: Array) -> float:
+def autocorrelation_time(errors: Array) -> float:
     """The integrated autocorrelation time of ``errors`` (N,) in samples, by Geyer's initial positive sequence."""
     centred = errors - errors.mean()
     count = len(centred)

@@ -181,7 +181,7 @@ class TrainingSpan(Strict, extra="ignore"):
         return f"{self.trace}, {start} to {stop}"
 
 
-class Baseline(Strict, extra="ignore"):
+class BaselineScores(Strict, extra="ignore"):
     """The static baseline: ambient = sum of gain x input + offset."""
 
     gains: dict[str, float]
@@ -195,7 +195,7 @@ class Provenance(Strict, extra="ignore"):
     """What a model was trained on, and the static linear baseline; None where the file has none or another kind."""
 
     training: tuple[TrainingSpan, ...] = ()
-    baseline: Annotated[Baseline | None, _OF_THIS_KIND] = None
+    baseline: Annotated[BaselineScores | None, _OF_THIS_KIND] = None
 
 
 class _File(Strict):

@@ -17,7 +17,7 @@ from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Model
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimation.uncertainty import residual_memory
+from ambient_trainer.estimation.uncertainty import autocorrelation_time
 from ambient_trainer.estimators.model_file import MAIN, estimators_of, with_estimators
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.report import Finding, Report, Section, Table
@@ -47,7 +47,7 @@ def correction(model: Model, trace: Trace, from_s: float | None = None, to_s: fl
         error = evaluate_trace(alone, trace, from_s).error_degC
         errors[name] = error[np.isfinite(error)]
     own = errors[MAIN]
-    standard_error = float(np.std(own)) * math.sqrt(min(residual_memory(own), len(own)) / len(own))
+    standard_error = float(np.std(own)) * math.sqrt(min(autocorrelation_time(own), len(own)) / len(own))
     return Correction({name: float(np.mean(each)) for name, each in errors.items()}, standard_error, len(own))
 
 

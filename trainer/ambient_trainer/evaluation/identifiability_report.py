@@ -50,7 +50,7 @@ def _at_this_fit(found: Identifiability) -> Iterator[str]:
         little = f"(less than {SILENT_DEGC:g} degC per e-fold), and not counted there: {', '.join(known.silent)}"
         yield f"Without effect where this fit lies {little}."
     if found.flat:
-        errors = f"{found.rmse_degC:.2f} degC and an autocorrelation time of {found.memory_samples:.0f} samples"
+        errors = f"{found.rmse_degC:.2f} degC and an autocorrelation time of {found.correlation_samples:.0f} samples"
         yield f"Flat profiles: with errors of {errors}, this trace leaves a side open for {', '.join(found.flat)}."
     if found.recovered:
         far = [each.name for each in found.recovered if abs(each.standard_errors_off) > 2]
@@ -110,7 +110,7 @@ def as_json(found: Identifiability) -> dict[str, Any]:
         **{name: getattr(found, name) for name in _AS_THEY_ARE},
         "without_effect": found.sensitivity.silent,
         "values": {name: found.values[name] for name in found.sensitivity.effect_degC},
-        "residual_memory_samples": found.memory_samples,
+        "residual_memory_samples": found.correlation_samples,
         **asdict(found.sensitivity),
         "thesis_test": {
             "same_percent": SAME_PERCENT,

@@ -36,7 +36,7 @@ _QUARTILES_APART = 1.349
 """Of a standard normal number."""
 
 
-class Normal(NamedTuple):
+class NormalEquations(NamedTuple):
     """Normal equations in p coordinates, of one log or of u: H = Z'Z (u, p, p), g = Z'r (u, p), r'r (u,), time (u,).
 
     Samples are weighed by their period, so all four are integrals over time, in s.
@@ -48,19 +48,19 @@ class Normal(NamedTuple):
     seconds: Array
 
     @classmethod
-    def of_samples(cls, Z: Array, r: Array, weight_s: Array) -> Normal:
+    def of_samples(cls, Z: Array, r: Array, weight_s: Array) -> NormalEquations:
         """Those of regressors (p, N) and residuals (N,)."""
         weighed = Z * weight_s
         return cls(weighed @ Z.T, weighed @ r, weight_s @ r**2, weight_s.sum())
 
     @classmethod
-    def stacked(cls, each: Iterable[Normal]) -> Normal:
+    def stacked(cls, each: Iterable[NormalEquations]) -> NormalEquations:
         """Those of several logs."""
         return cls(*(np.array(part) for part in zip(*each)))
 
-    def total(self) -> Normal:
+    def total(self) -> NormalEquations:
         """Those of all together."""
-        return Normal(*(each.sum(axis=0) for each in self))
+        return NormalEquations(*(each.sum(axis=0) for each in self))
 
     def squares(self, c: Array) -> Array:
         """Per unit the sum of squared errors at coordinates c (u, p)."""
@@ -96,7 +96,7 @@ def posterior(information: Array, vector: Array, mean: Array, between: Array) ->
 class Population:
     """The prior of a unit: mean (p,) and between-unit covariance (p, p) within a group, and how they were found.
 
-    ``variance_degC2`` is that of the noise, ``memory_s`` its autocorrelation time; ``groups`` (k, p) are the
+    ``variance_degC2`` is that of the noise, ``correlation_s`` its autocorrelation time; ``groups`` (k, p) are the
     means of the groups and ``group_covariance`` (k, p, p) how well they are known; ``group_between`` (p, p) is
     the covariance of groups about ``mean``, zero where there is one.
     """
@@ -105,7 +105,7 @@ class Population:
     mean_covariance: Array
     between: Array
     variance_degC2: float
-    memory_s: float
+    correlation_s: float
     groups: Array
     group_covariance: Array
     group_between: Array
@@ -116,13 +116,13 @@ class Population:
         known = np.where((group >= 0)[:, None], self.groups[np.maximum(group, 0)], self.mean)
         return known, self.between
 
-    def posterior(self, units: Normal, group: NDArray[np.intp]) -> Posterior:
+    def posterior(self, units: NormalEquations, group: NDArray[np.intp]) -> Posterior:
         """What each unit is after its own log."""
-        scale = self.variance_degC2 * self.memory_s
+        scale = self.variance_degC2 * self.correlation_s
         mean, between = self.prior(group)
         return posterior(units.H / scale, units.g / scale, mean, between)
 
-    def safe(self, post: Posterior) -> tuple[Posterior, Array]:
+    def bounded_shrinkage(self, post: Posterior) -> tuple[Posterior, Array]:
         """Posteriors drawn towards the population as far as does no harm, and the share of its own that each keeps.
 
         Coordinates are white over the population's use: where a unit's truth is t ~ N(a, V) from the population's
@@ -143,7 +143,7 @@ class Population:
         """From how many units it was learnt, and deviations: of what no gains explain, and between units of a group."""
         noise, between = np.sqrt([self.variance_degC2, np.trace(self.between)]).tolist()
         errors = {"noise_degC": noise, "between_units_degC": between}
-        return {"learnt_from": self.units, "memory_s": self.memory_s, **errors}
+        return {"learnt_from": self.units, "memory_s": self.correlation_s, **errors}
 
     def deviation_degC(self, covariance: Array) -> Array:
         """Of the error to expect: the noise, and what is not known of gains (..., p, p), over the population's use."""
@@ -155,8 +155,8 @@ class Population:
         return float(self.deviation_degC(self.between + self.group_between + self.mean_covariance))
 
 
-def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Population:
-    """The population of ``units``, each of the group of that number from 0 on; at least two units."""
+def pooled(units: NormalEquations, group: NDArray[np.intp], tau_s: float) -> Population:
+    """The population of two or more ``units``, each of a group numbered from 0; autocorrelation time ``tau_s``."""
     u, p = units.g.shape
     groups = int(group.max()) + 1
     member = np.eye(groups)[group]
@@ -167,7 +167,7 @@ def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Populatio
     weight: Array = np.ones(u)
     mean: Array = np.zeros(p)
     for _ in range(_ROUNDS):
-        scale = variance * memory_s
+        scale = variance * tau_s
         # in coordinates in which the units of a group are N(centre, I): R is the posterior covariance, I - R is known
         white = np.linalg.cholesky(between)
         whiten = np.linalg.inv(white)
@@ -193,10 +193,10 @@ def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Populatio
             group_between = (white @ apart_groups @ white.T + prior) / (groups + _COUNTS_AS)
         open_ = np.trace(R, axis1=1, axis2=2)
         squares = units.squares((centre + apart) @ white.T)
-        weight = _weight((apart**2).sum(axis=1), p - open_) * _weight(squares / scale, 1 + units.seconds / memory_s)
+        weight = _weight((apart**2).sum(axis=1), p - open_) * _weight(squares / scale, 1 + units.seconds / tau_s)
         variance = float((weight * (squares + scale * (p - open_))).sum() / (weight * units.seconds).sum())
     known, of_means = (white @ each @ white.T for each in (np.linalg.inv(total), above.covariance))
-    return Population(mean, known, between, variance, memory_s, means, of_means, group_between, u)
+    return Population(mean, known, between, variance, tau_s, means, of_means, group_between, u)
 
 
 def _times(matrices: Array, vectors: Array) -> Array:

@@ -43,7 +43,7 @@ def report_of(fleet: FleetFit) -> Report:
         Figure(partial(_errors, errors), "Units in the order of their errors, for each way by itself."),
     ]
     about = "Units by parameter, about the median, over the interquartile range."
-    learnt: list[Block] = [
+    parameters: list[Block] = [
         Table("", ("", "", ""), _hyperparameters(fleet, good)),
         Table("DC gains, and the offset", ("parameter", "5 %", "median", "95 %"), gains, 1),
         Figure(partial(_distributions, good, names), about),
@@ -57,7 +57,7 @@ def report_of(fleet: FleetFit) -> Report:
         lead=[result, broken if lost else None, Facts(facts)],
         sections=[
             Section("Errors on blocks held out", blocks),
-            Section("The population", learnt),
+            Section("The population", parameters),
             Section("Units that fit least", [outliers]),
             Section("Units that failed", [failures] if lost else []),
         ],

@@ -97,7 +97,7 @@ class PowerSupply(Strict):
         return {attribute: _column(column, _SUPPLY_UNITS[attribute]) for attribute, column in columns.items()}
 
 
-class Device(Strict):
+class DeviceConfig(Strict):
     """The device under test: ``zones`` maps a thermal zone's type to a column, ``root`` stands before ``/sys``.
 
     ``connect`` is ``adb``, ``adb SERIAL``, ``ssh HOST``, or ``local`` for this machine; ``setup`` is shell text for
@@ -147,7 +147,7 @@ class Laboratory(Strict):
 
     instruments: Instruments
     ambient: Ambient
-    device: Device
+    device: DeviceConfig
     signals: dict[_Column, _Signal] = Field(default_factory=dict)
     actions: dict[Name, Action] = Field(default_factory=dict)
     safety: Safety

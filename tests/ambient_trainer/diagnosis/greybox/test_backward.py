@@ -12,7 +12,7 @@ from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.backward import eliminate_backward, steps_to
-from ambient_trainer.diagnosis.greybox.choice import Limits, Step
+from ambient_trainer.diagnosis.greybox.choice import Limits, SelectionStep
 from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.mechanisms import mass, path
 from ambient_trainer.diagnosis.greybox.mechanisms.latent import Latent
@@ -42,7 +42,7 @@ def test_what_was_hidden_together_is_left_of_everything(circuit, simulated, reco
     heats = {each.key[2] for each in found.model.mechanisms if each.cause == "heat_source"}
     assert heats == {"", "sun_W_m2", "current_A^2"}, (seed, heats)
     assert found.rmse_degC < 0.06, seed
-    alone = Selection(bare, bare, (), Step(bare, None, (), 0))
+    alone = Selection(bare, bare, (), SelectionStep(bare, None, (), 0))
     steps = continued(alone, found, (), Limits(least_degC=0.05)).steps[: len(found.model.mechanisms)]
     rivals = [{each.mechanism.key for each in step.trials} - {step.chosen.mechanism.key} for step in steps]
     assert all(rivals), seed
@@ -79,7 +79,7 @@ def jacketed(seed):
 
 def test_a_circuit_that_never_settles_is_searched_from_its_own_numbers(seed, monkeypatch):
     module = importlib.import_module("ambient_trainer.diagnosis.diagnose")  # its name is a function's, too
-    nothing = lambda bare, *rest: Selection(bare, bare, (), Step(bare, None, (), 0))  # noqa: E731
+    nothing = lambda bare, *rest: Selection(bare, bare, (), SelectionStep(bare, None, (), 0))  # noqa: E731
     monkeypatch.setattr(module, "stepwise", nothing)
     found = {(each.cause.name, each.cause.signal) for each in diagnose(PAIR, [jacketed(seed)]).steps}
     assert ("heat_source", "heater_frac") in found, seed

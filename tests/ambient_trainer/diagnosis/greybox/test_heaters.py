@@ -8,7 +8,7 @@ import pytest
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
-from ambient_trainer.diagnosis.greybox.choice import Limits, Step, choose
+from ambient_trainer.diagnosis.greybox.choice import Limits, SelectionStep, choose
 from ambient_trainer.diagnosis.greybox.conducted import conducted
 from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.expression import Expression
@@ -43,17 +43,17 @@ def warmed(seed: int, into: tuple[str, str]) -> Trace:
     return Trace("heated", PERIOD_S * np.arange(SAMPLES), {**columns, "ambient_degC": np.full(SAMPLES, 25.0)})
 
 
-def at_all(trace: Trace, driver: str, circuit: Circuit = PAIR) -> Step:
+def at_all(trace: Trace, driver: str, circuit: Circuit = PAIR) -> SelectionStep:
     """The step that has chosen heat by one column at all bodies."""
     bodies = tuple(each.name for each in circuit.states)
     bare = bare_fit(GreyBox.of(circuit), records(trace, circuit.inputs, [f"{each}_degC" for each in bodies], PERIOD_S))
     by_one = [each for each in heat.candidates(Context(bare)) if each.key == ("heat_source", bodies, driver)]
     trials = fit_candidates(bare, screen(Context(bare), lambda context, columns: iter(by_one)), lambda *done: None)
     chosen = choose(bare, [each for each in trials if each.mechanism.places == bodies], 0.0)
-    return Step(bare, chosen, tuple(trials), 1)
+    return SelectionStep(bare, chosen, tuple(trials), 1)
 
 
-def keys(steps: list[Step]) -> list[tuple[str, tuple[str, ...], str]]:
+def keys(steps: list[SelectionStep]) -> list[tuple[str, tuple[str, ...], str]]:
     return sorted(each.chosen.mechanism.key for each in steps)
 
 

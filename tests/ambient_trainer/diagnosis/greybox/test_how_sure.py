@@ -8,7 +8,7 @@ import pytest
 
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.findings import steps_of
-from ambient_trainer.diagnosis.greybox.choice import Step
+from ambient_trainer.diagnosis.greybox.choice import SelectionStep
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
@@ -61,7 +61,7 @@ def test_no_instrument_is_blamed_for_it(circuit, simulated, recorded, instrument
     bias = Bias(("board",), (Number("bias_board", "degC", 5.0, scale=1.0),))
     constant = Heat(("board",), (Number("heat_board", "W", 2.0, scale=1.0),))
     taken = Trial.of(bare, fit(bare.model.with_mechanism(bias if instrument else constant), bare.records).refitted())
-    step = Step(bare, taken, (taken,), 1)
+    step = SelectionStep(bare, taken, (taken,), 1)
     before, after = bare.held_out_rmse_degC, taken.rmse_degC
     floor_degC = before - (before - after) / 0.8
     found = module._diagnosis(circuit, [trace], Selection(bare, taken.fitted, (step,), step), floor_degC, ())
@@ -91,7 +91,7 @@ def test_what_gains_less_than_a_step_has_to_goes(fits):
 def test_it_is_not_sure_though_it_gained_much_when_it_was_taken(fits):
     bare, first, both = fits
     taken = [Trial.of(bare, first), Trial.of(first, both)]
-    steps = (Step(bare, taken[0], (taken[0],), 1), Step(first, taken[1], (taken[1],), 1))
+    steps = (SelectionStep(bare, taken[0], (taken[0],), 1), SelectionStep(first, taken[1], (taken[1],), 1))
     panel, sun = steps_of(Selection(bare, both, steps, steps[0]), 0)
     assert taken[0].rmse_degC < 0.5 * bare.held_out_rmse_degC
     assert panel.confidence < 0.5 < sun.confidence

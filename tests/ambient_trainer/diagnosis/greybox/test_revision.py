@@ -9,7 +9,7 @@ from scipy.signal import lfilter, lsim
 from ambient_trainer.circuits.addition import with_body, with_edge
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.forward import forward
-from ambient_trainer.diagnosis.greybox.choice import Step
+from ambient_trainer.diagnosis.greybox.choice import SelectionStep
 from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms import coupling, heat, mass
@@ -43,7 +43,7 @@ def test_heat_by_a_current_becomes_heat_by_its_square(circuit, simulated, record
     plain = next(each for each in trials if each.mechanism.key[2] == "current_A")
     wind = next(each for each in coupling.candidates(Context(plain.fitted)) if each.key[2] == "wind_m_s")
     fitted = begun(plain.fitted, wind)
-    (step,), after = revise([Step(bare, plain, tuple(trials), 2)], fitted, 0, close_rivals)
+    (step,), after = revise([SelectionStep(bare, plain, tuple(trials), 2)], fitted, 0, close_rivals)
     assert step.chosen.mechanism.key[2] == "current_A^2", seed
     assert [each.key[2] for each in after.model.mechanisms] == ["current_A^2", "wind_m_s"], seed
     assert after.held_out_rmse_degC < 0.5 * fitted.held_out_rmse_degC, seed
@@ -60,7 +60,7 @@ def test_what_takes_the_place_of_one_window_spares_the_other(circuit, simulated,
     first, sunny = begun(bare, window(0.0, 6000.0)), begun(bare, heat_by("sun_W_m2", 0.002))
     both = begun(first, window(12000.0, 18000.0))
     trials = [replace(Trial.of(bare, each), rmse_degC=1.0) for each in (first, sunny)]
-    _, after = revise([Step(bare, trials[0], tuple(trials), 2)], both, 0, close_rivals)
+    _, after = revise([SelectionStep(bare, trials[0], tuple(trials), 2)], both, 0, close_rivals)
     assert [each.key[2] for each in after.model.mechanisms] == ["sun_W_m2"], seed
 
 
@@ -81,8 +81,8 @@ def test_what_acts_on_a_body_neither_takes_its_place_nor_outlives_it(circuit, si
     first = with_body(bare, "board")
     warmed, second = begun(first, next(heat.candidates(Context(first)))), with_body(first, "board_mass")
     tried = [replace(Trial.of(bare, each), rmse_degC=1.0, at_bounds=False) for each in (first, second, warmed)]
-    assert revise([Step(bare, tried[0], tuple(tried), 3)], second, 0, close_rivals) is None, seed
-    alone, step = begun(bare, warmed.model.mechanisms[1]), Step(first, tried[2], tuple(tried[1:]), 2)
+    assert revise([SelectionStep(bare, tried[0], tuple(tried), 3)], second, 0, close_rivals) is None, seed
+    alone, step = begun(bare, warmed.model.mechanisms[1]), SelectionStep(first, tried[2], tuple(tried[1:]), 2)
     assert revise([step], alone, 0, close_rivals) is None, seed
 
 

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from ambient_trainer.circuits.circuit import Addition
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
-from ambient_trainer.diagnosis.greybox.choice import Limits, Step
+from ambient_trainer.diagnosis.greybox.choice import Limits, SelectionStep
 from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms import coupling, heat, mass
@@ -247,8 +247,8 @@ def test_what_is_no_finding_keeps_no_pair_away(circuit, simulated, recorded, mon
         return [replace(tried(before, onset_s=18000.0), rmse_degC=1e-3) if driver == "current_A" else tried(before)]
 
     monkeypatch.setitem(fit_pair.__globals__, "fit_candidates", fit_candidates)
-    plain, *others = (tried(bare, driver) for driver in ("current_A", "current_A^2", "sun_W_m2", "beam_W_m2"))
-    steps = fit_pair(Step(bare, plain, (plain, *others), 2), (), Limits(), every_candidate, lambda *given: None)
+    plain, *rest = (tried(bare, driver) for driver in ("current_A", "current_A^2", "sun_W_m2", "beam_W_m2"))
+    steps = fit_pair(SelectionStep(bare, plain, (plain, *rest), 2), (), Limits(), every_candidate, lambda *given: None)
     assert [each.chosen.mechanism.key[2] for each in steps] == ["current_A^2", ""]
     assert begins == {"current_A": True, "current_A^2": True, "sun_W_m2": False}
 

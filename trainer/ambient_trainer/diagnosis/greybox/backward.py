@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step
+from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, SelectionStep
 from ambient_trainer.diagnosis.greybox.context import THERMOELECTRIC, WARMING, Context
 from ambient_trainer.diagnosis.greybox.expression import words_in
 from ambient_trainer.diagnosis.greybox.mechanisms import heat, mass, path
@@ -51,7 +51,7 @@ def eliminate_backward(bare: Fitted) -> Fitted | None:
     return min((each for each in found if len(each.model.mechanisms) > given), key=score, default=None)
 
 
-def steps_to(bare: Fitted, fitted: Fitted, tried: int) -> list[Step]:
+def steps_to(bare: Fitted, fitted: Fitted, tried: int) -> list[SelectionStep]:
     """The steps to a model whose mechanisms were found together, each beside all others; what is missed most first."""
     steps = []
     for index, mechanism in list(enumerate(fitted.model.mechanisms))[len(bare.model.mechanisms) :]:
@@ -61,7 +61,7 @@ def steps_to(bare: Fitted, fitted: Fitted, tried: int) -> list[Step]:
             after = _fit(without.with_mechanism(mechanism), fitted, _FEW) or fitted
         before = before.refitted()
         trial = replace(Trial.of(before, after.refitted()), mechanism=mechanism)
-        steps.append(Step(before, trial, (), tried))
+        steps.append(SelectionStep(before, trial, (), tried))
     return sorted(steps, key=lambda each: -each.before.held_out_rmse_degC)
 
 

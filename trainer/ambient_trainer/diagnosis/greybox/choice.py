@@ -36,7 +36,7 @@ soon after one a window begins: of two late heaters in measured logs 5 and 6 % a
 
 
 @dataclass(frozen=True)
-class Step:
+class SelectionStep:
     """One step: the model before and after, and all trials, best first."""
 
     before: Fitted

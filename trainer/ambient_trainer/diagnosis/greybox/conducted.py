@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from ambient_trainer.diagnosis.greybox.backward import score, steps_to
-from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step
+from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, SelectionStep
 from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.mechanisms import path
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
@@ -30,7 +30,7 @@ _LESS = 0.99
 """Of the error in sample: what an exchange leaves at most."""
 
 
-def conducted(step: Step) -> list[Step]:
+def conducted(step: SelectionStep) -> list[SelectionStep]:
     """Heat at one place and each path from there, as steps, where that does better than heat at several; else none."""
     if step.chosen is None or not _is_heat_at_several(step.chosen.mechanism):
         return []
@@ -91,7 +91,7 @@ def _swap_source(tree: Fitted, index: int, sources: Sequence[Mechanism]) -> Iter
     yield from (fitted for each in others if (fitted := _fit_with(tree, without, each)) is not None)
 
 
-def _rivals(found: Step, step: Step, sources: Sequence[Mechanism]) -> Iterator[Trial]:
+def _rivals(found: SelectionStep, step: SelectionStep, sources: Sequence[Mechanism]) -> Iterator[Trial]:
     """What else does: heat at several places, or other sources beside all others; in the place of heat that by other
     drivers, too, which what is beside it would help as much."""
     assert found.chosen is not None

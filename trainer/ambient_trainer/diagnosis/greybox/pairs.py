@@ -10,7 +10,7 @@ from itertools import chain, product
 import numpy as np
 
 from ambient_model.trace import split_column
-from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Limits, Step, collinear, gains
+from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Limits, SelectionStep, collinear, gains
 from ambient_trainer.diagnosis.greybox.context import LIGHT, Context
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit, fit_near
@@ -30,7 +30,9 @@ less, and held better later; in the fourth by 0.6, and did not."""
 Progress = Callable[[str, int, int], None]
 
 
-def fit_pair(step: Step, beside: Sequence[Fitted], limits: Limits, offered: Offered, progress: Progress) -> list[Step]:
+def fit_pair(
+    step: SelectionStep, beside: Sequence[Fitted], limits: Limits, offered: Offered, progress: Progress
+) -> list[SelectionStep]:
     """Two steps at once where one alone gains little, or nothing logged drives it: heat and the mass that stores it,
     heat by a driver and what is there without it, or that and a loss by a driver show themselves together.
 
@@ -67,7 +69,7 @@ def fit_pair(step: Step, beside: Sequence[Fitted], limits: Limits, offered: Offe
     return _two_steps(step, *best[1:])
 
 
-def _first_candidates(step: Step, unlogged: bool) -> list[Trial]:
+def _first_candidates(step: SelectionStep, unlogged: bool) -> list[Trial]:
     """Of heat, and masses, the best trial at one place and at several, by each driver; of one sun's the best."""
     begun: dict[object, Trial] = {}
     for each in [*([step.chosen] if step.chosen else []), *sorted(step.trials, key=penalised)]:
@@ -103,7 +105,7 @@ def _may_pair_with(second: Mechanism, first: Mechanism, unlogged: bool) -> bool:
 
 
 def _refit_from_points(
-    step: Step, firsts: Sequence[Trial], beside: Sequence[Fitted]
+    step: SelectionStep, firsts: Sequence[Trial], beside: Sequence[Fitted]
 ) -> Iterator[tuple[Trial, list[Screened]]]:
     """Constant heat of ``firsts`` as it is fitted from other points, and losses by a driver: alone it drives time
     constants to where no loss shows."""
@@ -120,7 +122,7 @@ def _with_same_key(mechanism: Mechanism, context: Context, columns_of: Columns) 
     return (each for each in permanent_candidates(context, columns_of) if each.key == mechanism.key)
 
 
-def fit_separately(step: Step, limits: Limits) -> list[Step]:
+def fit_separately(step: SelectionStep, limits: Limits) -> list[SelectionStep]:
     """Two steps where heat by one driver at several places does hardly better than with another driver of the same
     unit at one of them: two heaters, each at its own place."""
     if step.chosen is None or not _is_heat_at_several(step.chosen.mechanism):
@@ -144,12 +146,12 @@ def fit_separately(step: Step, limits: Limits) -> list[Step]:
     return [] if best is None else _two_steps(step, *best[1:])
 
 
-def step_given_second(step: Step, first: Trial, second: Trial) -> Step:
+def step_given_second(step: SelectionStep, first: Trial, second: Trial) -> SelectionStep:
     """The step of ``first`` where ``second`` is there, too: beside the model that holds that one alone."""
     alone = (each for each in sorted(step.trials, key=penalised) if each.permanent)
     before = next((each.fitted for each in alone if each.mechanism.key == second.mechanism.key), step.before)
     together = replace(first, fitted=second.fitted, rmse_degC=second.rmse_degC)
-    return Step(before, together, step.trials, step.tried)
+    return SelectionStep(before, together, step.trials, step.tried)
 
 
 def _are_identified(first: Trial, second: Trial, limits: Limits) -> bool:
@@ -161,16 +163,16 @@ def _are_identified(first: Trial, second: Trial, limits: Limits) -> bool:
     return sound and gains(first.fitted, second, limits.least_degC)
 
 
-def _two_steps(step: Step, first: Trial, second: Trial, rivals: Sequence[Trial]) -> list[Step]:
+def _two_steps(step: SelectionStep, first: Trial, second: Trial, rivals: Sequence[Trial]) -> list[SelectionStep]:
     """What is logged before what stores it, either beside the model that holds the other alone; what comes second is
     compared with what else goes with the first."""
     if first.mechanism.driver is not None or second.mechanism.driver is None:
-        return [step_given_second(step, first, second), Step(first.fitted, second, tuple(rivals), step.tried)]
+        return [step_given_second(step, first, second), SelectionStep(first.fitted, second, tuple(rivals), step.tried)]
     stored = step_given_second(step, first, second)
     screened = screen(Context(stored.before), permanent_candidates)
     others = shortlist([each for each in screened if _is_storage_or_heat(each.mechanism, True)])
     storing = fit_candidates(stored.before, others, lambda done, total: None)
-    heated = Step(first.fitted, second, (*rivals, *step.trials), step.tried)
+    heated = SelectionStep(first.fitted, second, (*rivals, *step.trials), step.tried)
     return [heated, replace(stored, trials=tuple(storing))]
 
 

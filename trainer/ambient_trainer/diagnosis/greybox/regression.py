@@ -232,7 +232,7 @@ class Fitted:
 
 
 @dataclass(frozen=True)
-class NormalEquations:
+class FoldEquations:
     """The normal equations of each fold: J'J (F, p, p), J'r (F, p) and r'r (F,)."""
 
     H: Array
@@ -240,28 +240,28 @@ class NormalEquations:
     square: Array
 
     @staticmethod
-    def of(parts: Iterable[tuple[Array, Array]]) -> NormalEquations:
+    def of(parts: Iterable[tuple[Array, Array]]) -> FoldEquations:
         """Of the slopes J (m, p) and what is left r (m,) in each fold."""
         parts = list(parts)
-        return NormalEquations(
+        return FoldEquations(
             np.array([rows.T @ rows for rows, _ in parts]),
             np.array([rows.T @ left for rows, left in parts]),
             np.array([left @ left for _, left in parts]),
         )
 
-    def with_columns(self, across: Array, alone: Array, towards: Array) -> NormalEquations:
+    def with_columns(self, across: Array, alone: Array, towards: Array) -> FoldEquations:
         """With k further columns S: J'S (F, p, k), S'S (F, k, k) and S'r (F, k)."""
         H = np.block([[self.H, across], [across.transpose(0, 2, 1), alone]])
-        return NormalEquations(H, np.concatenate([self.g, towards], axis=1), self.square)
+        return FoldEquations(H, np.concatenate([self.g, towards], axis=1), self.square)
 
-    def moved(self, by: Array) -> NormalEquations:
+    def moved(self, by: Array) -> FoldEquations:
         """The same where a step ``by`` (p,) has been taken."""
         square = self.square - 2 * self.g @ by + np.einsum("p,fpq,q->f", by, self.H, by)
-        return NormalEquations(self.H, self.g - self.H @ by, square)
+        return FoldEquations(self.H, self.g - self.H @ by, square)
 
-    def scaled(self, scale: Array) -> NormalEquations:
+    def scaled(self, scale: Array) -> FoldEquations:
         """In coordinates of which ``scale`` (p,) of the old ones make one."""
-        return NormalEquations(self.H * np.outer(scale, scale), self.g * scale, self.square)
+        return FoldEquations(self.H * np.outer(scale, scale), self.g * scale, self.square)
 
     def held_out(self, ridge: Array, left_out: Sequence[tuple[int, int]] = LEFT_OUT) -> Array:
         """Squares of what is left out, under the least squares of the rest: r_f + J_f (J'J - J_f'J_f)^-1 J_f' r_f.
@@ -295,11 +295,11 @@ class FoldData:
         return FoldData(rows, tuple(J[each] for each in rows), tuple(r[each] for each in rows))
 
     @cached_property
-    def normal(self) -> NormalEquations:
+    def normal(self) -> FoldEquations:
         """Their normal equations."""
-        return NormalEquations.of(zip(self.slopes, self.left))
+        return FoldEquations.of(zip(self.slopes, self.left))
 
-    def with_columns(self, S: Array) -> NormalEquations:
+    def with_columns(self, S: Array) -> FoldEquations:
         """The normal equations with further columns S (M, k)."""
         parts = [S[each] for each in self.rows]
         return self.normal.with_columns(

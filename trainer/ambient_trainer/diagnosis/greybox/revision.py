@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ambient_trainer.diagnosis.greybox.backward import score
-from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step, fault_margin
+from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, SelectionStep, fault_margin
 from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
@@ -21,8 +21,8 @@ _NEAR, _RIVALS, _ELSEWHERE = 0.15, 3, 2
 
 
 def revise(
-    steps: Sequence[Step], fitted: Fitted, given: int, rivals: Callable[[Step], Iterator[Trial]]
-) -> tuple[list[Step], Fitted] | None:
+    steps: Sequence[SelectionStep], fitted: Fitted, given: int, rivals: Callable[[SelectionStep], Iterator[Trial]]
+) -> tuple[list[SelectionStep], Fitted] | None:
     """The steps with one of its ``rivals`` in the place of what was chosen, and the model with it; None where none does
     better.
 
@@ -43,7 +43,7 @@ def revise(
     return None
 
 
-def _index_in_model(step: Step, fitted: Fitted, given: int) -> int | None:
+def _index_in_model(step: SelectionStep, fitted: Fitted, given: int) -> int | None:
     """Where a model holds what a step has chosen, perhaps at fewer places; None where it does not, or builds on it."""
     held = (each for each in range(given, len(fitted.model.mechanisms)) if not fitted.model.carries(each))
     mechanisms = fitted.model.mechanisms
@@ -57,7 +57,7 @@ def is_same(final: Mechanism, chosen: Mechanism) -> bool:
     return alike and final.permanent == chosen.permanent and final.overlaps(chosen)
 
 
-def close_rivals(step: Step) -> Iterator[Trial]:
+def close_rivals(step: SelectionStep) -> Iterator[Trial]:
     """The rivals of a step that do nearly as well, the best form of each.
 
     What lasts, follows a log, or is physics stays before what acts for a while, follows none, or blames an instrument.
@@ -81,7 +81,7 @@ def close_rivals(step: Step) -> Iterator[Trial]:
             yield each
 
 
-def at_other_places(step: Step) -> Iterator[Trial]:
+def at_other_places(step: SelectionStep) -> Iterator[Trial]:
     """For what is at one place the same at others: what else was missing may have hidden where it is."""
     assert step.chosen is not None
     mine, seen = step.chosen.mechanism, {step.chosen.mechanism.places}
@@ -118,7 +118,7 @@ def _gains(fitted: Fitted, mine: Mechanism, other: Fitted, rival: Trial) -> bool
     return bool(np.log(after / before) / 2 + PENALTY * (assumed(other.model) - assumed(fitted.model)) < -least)
 
 
-def _swap_chosen(step: Step, rival: Trial, fitted: Fitted, tried: dict[int, Fitted]) -> Step:
+def _swap_chosen(step: SelectionStep, rival: Trial, fitted: Fitted, tried: dict[int, Fitted]) -> SelectionStep:
     """The step with a rival chosen; what was tried again beside all others is as much worse as it is there."""
     assert step.chosen is not None
     rest = [each for each in step.trials if each is not rival]

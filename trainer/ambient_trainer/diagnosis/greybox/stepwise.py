@@ -10,7 +10,7 @@ import numpy as np
 
 from ambient_model.faults import refuse
 from ambient_trainer.diagnosis.greybox.backward import steps_to
-from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, UNLIMITED, Limits, Step, choose
+from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, UNLIMITED, Limits, SelectionStep, choose
 from ambient_trainer.diagnosis.greybox.conducted import conducted
 from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.model import GreyBox
@@ -44,8 +44,8 @@ class Selection:
 
     bare: Fitted
     final: Fitted
-    steps: tuple[Step, ...]
-    compared: Step
+    steps: tuple[SelectionStep, ...]
+    compared: SelectionStep
 
 
 def stepwise(
@@ -59,7 +59,7 @@ def stepwise(
 
     The first candidates are screened at the points ``beside``, too.
     """
-    return _select(Selection(bare, bare, (), Step(bare, None, (), 0)), beside, limits, progress, offered)
+    return _select(Selection(bare, bare, (), SelectionStep(bare, None, (), 0)), beside, limits, progress, offered)
 
 
 def continued(
@@ -69,7 +69,7 @@ def continued(
 
     Each is compared with what else does beside all others.
     """
-    steps: list[Step] = []
+    steps: list[SelectionStep] = []
     for step in steps_to(found.bare, together, found.compared.tried):
         report = partial(_numbered, progress or _no_progress, len(steps) + 1)
         rivals = replace(step, trials=_screen_and_fit([step.before], every_candidate, report)[1])
@@ -115,7 +115,7 @@ def _select(
     return Selection(bare, fitted, tuple(_order_logged_first(steps)), compared or begun.compared)
 
 
-def _stuck(step: Step, limits: Limits) -> bool:
+def _stuck(step: SelectionStep, limits: Limits) -> bool:
     """Whether nothing by itself gains, though a black box with the same inputs leaves much less."""
     return step.chosen is None and step.before.held_out_rmse_degC > ABOVE_FLOOR * limits.floor_degC
 
@@ -133,12 +133,12 @@ def _refine_tuned(fitted: Fitted, given: int) -> Fitted:
     return fitted
 
 
-def _compact(step: Step) -> Step:
+def _compact(step: SelectionStep) -> SelectionStep:
     """The same with the errors of its trials alone."""
     return replace(step, trials=tuple(replace(each, fitted=each.fitted.without_slopes()) for each in step.trials))
 
 
-def _order_logged_first(steps: Sequence[Step]) -> Sequence[Step]:
+def _order_logged_first(steps: Sequence[SelectionStep]) -> Sequence[SelectionStep]:
     """With heat by a logged driver before heat that is there without one, where these are the first two."""
     first, second = (*(step.chosen for step in steps[:2]), None, None)[:2]
     if first is None or second is None or not (first.permanent and second.permanent):
@@ -157,7 +157,7 @@ def _numbered(report: Progress, number: int, stage: str, done: int, total: int) 
     report(f"fit effect {number}: {stage}", done, total)
 
 
-def _select_next(points: Sequence[Fitted], limits: Limits, offered: Offered, report: Progress) -> Step:
+def _select_next(points: Sequence[Fitted], limits: Limits, offered: Offered, report: Progress) -> SelectionStep:
     """One step from the first of ``points``; candidates are screened beside each."""
     fitted = points[0]
     tried, trials = _screen_and_fit(points, offered, report)
@@ -173,7 +173,7 @@ def _select_next(points: Sequence[Fitted], limits: Limits, offered: Offered, rep
         again = refine_timing(chosen.fitted)
         finer = Trial.of(fitted, again.refitted() if is_cheap(again) else again)
         chosen = min(chosen, finer, key=lambda each: each.rmse_degC)
-    return Step(fitted, chosen, trials, tried)
+    return SelectionStep(fitted, chosen, trials, tried)
 
 
 def _screen_and_fit(points: Sequence[Fitted], offered: Offered, report: Progress) -> tuple[int, tuple[Trial, ...]]:

@@ -36,7 +36,7 @@ class Largest(NamedTuple):
         return float(stats.t.isf(alpha / (2 * self.trials), self.free))
 
 
-def remembers(series: Array) -> bool:
+def testable(series: Array) -> bool:
     """Whether enough of ``series`` (n,) is known, each with its past, and changes there."""
     rows = _rows(series)
     return len(rows) >= _FEWEST_ROWS and bool(np.ptp(series[rows]) > 0)
@@ -80,7 +80,7 @@ def whitening(series: Array) -> Array:
     return np.append(1.0, -weights)
 
 
-def follows(series: Array, whiten: Array, courses: Array, *given: Array) -> tuple[Largest, int, float]:
+def correlated(series: Array, whiten: Array, courses: Array, *given: Array) -> tuple[Largest, int, float]:
     """Student's t of ``series`` (n,) with that of ``courses`` (d, n) which it follows best, which one that is, and how
     far it moves the series over its range; each course beside its own one of ``given`` (d, n)."""
     together = np.stack([*given, courses, np.broadcast_to(series, courses.shape)], axis=-1)

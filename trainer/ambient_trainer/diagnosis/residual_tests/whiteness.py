@@ -43,7 +43,7 @@ def autocorrelation_time_s(series: Array, step_s: float) -> float:
     return float(step_s * (lag - (_ONE_OVER_E - rho[lag]) / (rho[lag - 1] - rho[lag])))
 
 
-def memory(series: Array, sensor: str, step_s: float) -> Tested:
+def autocorrelation_test(series: Array, sensor: str, step_s: float) -> Tested:
     """Whether the autocorrelation time of ``series`` (n,) is longer than a step."""
     time_s = autocorrelation_time_s(series, step_s)
     said = f"the residual is autocorrelated over about {duration(time_s)}: something slow is missing"
