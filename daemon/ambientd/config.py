@@ -64,7 +64,7 @@ def publishing_to(settings: Settings, specs: Sequence[Spec]) -> Settings:
     """``settings`` with ``specs``, which have no access of their own, in place of what is published."""
     settings = settings._replace(publish=tuple([_accessible(spec, settings.access) for spec in specs]))
     for path in _written_twice(settings):
-        raise refuse("--publish", "", f"{path} stands twice", _OWN_PATH)
+        raise refuse("--publish", "", f"{path} is duplicated", _OWN_PATH)
     return settings
 
 
@@ -155,7 +155,7 @@ def _refuse_tricks(node: Any, seen: set[int]) -> None:
 def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     double = first_double([name for name, _ in pairs])
     if double is not None:
-        raise ValueError(f"key {shown(double)} stands twice in one mapping")
+        raise ValueError(f"key {shown(double)} is duplicated in one mapping")
     return dict(pairs)
 
 
@@ -210,7 +210,7 @@ class _Reading:
             self.fault("model", "missing", "name the model file")
         settings = settings._replace(**{key: read(key, data[key]) for key, read in readers.items() if key in data})
         for path in _written_twice(settings):
-            self.fault("publish", f"{path} stands twice", _OWN_PATH)
+            self.fault("publish", f"{path} is duplicated", _OWN_PATH)
         return settings
 
     def unknown(self, place: str, data: dict[Any, Any], known: tuple[str, ...]) -> None:

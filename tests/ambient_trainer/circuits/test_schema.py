@@ -80,7 +80,7 @@ FAULTY = [
     (f"resistance: {BOARD}", "resistance: C_board", ("edges[1].resistance", "J/K"), UNUSED),
     ("parameters:\n", "parameters:\n  R_spare: {unit: K/W, initial: 1}\n", ("parameters.R_spare", "nothing uses it")),
     ("[chip, board]", "[chop, board]", ("edges[0].between", "'chop'")),
-    ("[chip, board]", "[board, board]", ("edges[0].between", "stands twice")),
+    ("[chip, board]", "[board, board]", ("edges[0].between", "is both ends")),
     ("initial: 10", "initial: .nan", ("parameters.C_board.initial", "finite")),
     (f"resistance: {CHIP}", "resistance: .nan", ("edges[0].resistance", "finite number")),
     (f"resistance: {CHIP}", "resistance: true", ("edges[0].resistance", "neither a name nor a number")),

@@ -148,7 +148,7 @@ def test_an_interrupted_run_goes_on_and_another_is_refused(fleet_units, tmp_path
     asked = {"engine": "serial", "effort": EFFORT, "progress": lambda *now: seen.append(now)}
     at.fit_fleet(logs, "free-1", tmp_path / "part", resume=True, **asked)
     assert not begun
-    assert ("looking at units", 1, 4) in seen
+    assert ("summarising units", 1, 4) in seen
     part, unbroken = (Path(each, "fleet.parquet") for each in (tmp_path / "part", whole.fitted.folder))
     assert part.read_bytes() == unbroken.read_bytes()
 

@@ -355,19 +355,19 @@ def _ranked(step: SelectionStep, trial: Trial, taken: set[tuple[str, tuple[str, 
     if mechanism.key in taken:
         remark = "taken"
     elif trial.at_bounds:
-        remark = "a number ends at a physical bound"
+        remark = "a parameter ends at a physical bound"
     elif taken and best == (mechanism.key, trial.permanent):
-        remark = "best by itself; what was taken does better together"
+        remark = "best single cause; the causes taken fit better together"
     elif step.chosen is not None and _is_rival(trial, step.chosen):
         remark = "not distinguishable from the one taken"
     elif gain.rmse_after_degC > gain.rmse_before_degC * 0.95:
-        remark = "no sure gain on held-out data"
+        remark = "gain on held-out data not significant"
     elif mechanism.endogenous:
-        remark = "a temperature that may answer to the same cause"
+        remark = "a logged temperature that may respond to the same cause"
     elif mechanism.instrument:
-        remark = "an instrument, where physics does about as well"
+        remark = "a sensor fault, but a physical cause fits nearly as well"
     else:
-        remark = "gains less on held-out data" if step.chosen else "gains too little to matter"
+        remark = "smaller gain on held-out data" if step.chosen else "gain too small to matter"
     cause = cause_of(mechanism, trial.fitted.model.circuit)
     return Ranked(cause, mechanism.onset_s, mechanism.end_s, magnitude, gain, remark)
 
@@ -376,5 +376,5 @@ def unknown_step(bare: Fitted, longest: int) -> Step:
     """The step of a misfit that nothing explains."""
     error = bare.held_out_rmse_degC
     gain = Gain(error, error, (0.0, 0.0), 1.0)
-    sentence = f"The simulation is {error:.2f} degC off."
+    sentence = f"The simulation's error is {error:.2f} degC (RMSE)."
     return Step(Cause(UNKNOWN), None, None, None, 0.0, gain, (), sentence, {}, bare.residual_degC(longest))

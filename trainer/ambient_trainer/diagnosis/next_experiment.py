@@ -66,22 +66,23 @@ def next_experiment(selection: Selection, steps: Sequence[Step]) -> str:
         return _second_thermometer(rival.mechanism.places[0], str(steps[0].cause), name)
     heat = [str(each) for each in steps[0].indistinguishable_from if each.name == "heat_source"]
     if chosen.mechanism.instrument and heat and not chosen.mechanism.places:
-        moved = "Put the device and its reference into another room at once: their readings turn at one logged time"
-        return f"{moved} if {heat[0]}, and not if {steps[0].cause}."
+        moved = "Put the device and its reference into another room at once: both respond at the same logged time"
+        return f"{moved} if the cause is {heat[0]}, at different ones if it is {steps[0].cause}."
     if chosen.mechanism.instrument and heat:
         return _second_thermometer(chosen.mechanism.places[0], heat[0], str(steps[0].cause))
     found = _largest(taken, other)
     if found is None or found.sigmas < _SURE:
-        return f"No step of one logged input separates {steps[0].cause} from this: {name}. Log twice as long, and more."
+        return f"No step of one logged input distinguishes {steps[0].cause} from {name}. Log longer, and more signals."
     return (
-        f"From rest, take `{found.column}` from {found.rest:g} to {found.level:g}: after {duration(found.after_s)},"
-        f" `{found.sensor}` reads {found.readings_degC[0]:.2f} degC if {steps[0].cause},"
+        f"From steady state, take `{found.column}` from {found.rest:g} to {found.level:g}:"
+        f" after {duration(found.after_s)}, `{found.sensor}` reads {found.readings_degC[0]:.2f} degC if {steps[0].cause},"
         f" {found.readings_degC[1]:.2f} degC if {name} (standard deviation {digits(found.sd_degC, 2)} degC)."
     )
 
 
 def _second_thermometer(place: str, physics: str, fault: str) -> str:
-    return f"Hold a second thermometer to `{place}`: it reads the same if {physics}, and not if {fault}."
+    agree = f"it agrees with the sensor if the cause is {physics}"
+    return f"Attach a second thermometer at `{place}`: {agree} and disagrees if it is {fault}."
 
 
 def _closest(selection: Selection, step: Step, chosen: Trial) -> Trial | None:
@@ -170,6 +171,6 @@ def _survey(final: Fitted) -> str:
     off, circuit = np.sqrt(np.nanmean(residuals_degC(final) ** 2, axis=1)), final.model.circuit
     worst, columns = int(np.argmax(off)), ", ".join(f"`{name}`" for name in circuit.inputs)
     return (
-        f"From rest, change {columns} one at a time and back again, and log what else goes on at"
+        f"From steady state, change {columns} one at a time and back again, and log what else acts on"
         f" `{circuit.outputs[worst].name}`, where {digits(off[worst], 2)} degC are unexplained."
     )

@@ -106,7 +106,7 @@ def _fitted(question: Question, listed: Sequence[Entry], folder: str, parts: Tas
     chunks = [listed[first : first + CHUNK] for first in range(0, len(listed), CHUNK)]
     unread = "its worker died whenever it was read: too large for its memory, or damaged"
     looking = Tasks(fit_units.summarise, chunks, (source, start), lambda entry: UnitStatistics(entry.unit, (), unread))
-    summaries = parts.stage("look", "looking at units", looking)
+    summaries = parts.stage("look", "summarising units", looking)
     pool = _pooled_model(summaries, start, question)
     died = partial(fit_units.failed, within=source.within, reason="its worker died")
     fitting = Tasks(fit_units.fit_chunk, summaries, (start, pool, parts.created), died)
@@ -147,7 +147,7 @@ def _initialised(parts: TaskResults, question: Question, listed: Sequence[Entry]
         shares = [replace(effort, first=first, starts=min(_STARTS_A_TASK, effort.starts - first)) for first in firsts]
     rest = (longest[: _TRIED * _BEGUN_WITH], question, _BEGUN_WITH)
     begun = parts.stage(
-        "begin", "beginning with the longest logs", Tasks(fit_units.initialise, [[each] for each in shares], rest, died)
+        "begin", "fitting the longest logs", Tasks(fit_units.initialise, [[each] for each in shares], rest, died)
     )
     ends: list[Start] = [end for (end,) in begun.results()]
     best = min(ends, key=lambda each: each.fit.rmse_degC)

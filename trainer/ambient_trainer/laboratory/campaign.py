@@ -69,7 +69,7 @@ class Ambient(Strict):
 
     def _wrong(self) -> Iterator[tuple[str, str]]:
         if twice := [name for index, name in enumerate(self.probes) if name in self.probes[:index]]:
-            yield f"{twice[0]!r} stands twice", "name each probe once"
+            yield f"{twice[0]!r} is duplicated", "name each probe once"
         if self.at_least > len(self.probes):
             problem = f"'at_least' asks for {self.at_least} of {len(self.probes)} probes"
             yield problem, "ask for as many as there are, or fewer"

@@ -26,20 +26,20 @@ def test_a_step_of_the_driver_is_proposed(circuit, simulated, recorded, seed):
     records = recorded(simulated(seed, heat_W=lambda now, degC: 0.8 * now["current_A"] ** 2))
     model = GreyBox.of(circuit)
     selection = stepwise(bare_fit(model, records), anchors(model, records), offered=permanent_candidates)
-    report_progress = next_experiment(selection, steps_of(selection, 0))
+    text = next_experiment(selection, steps_of(selection, 0))
     found = re.search(
         r"take `(\w+)` from (\S+) to (\S+): after (\S+) (s|min|h), `board` reads (\S+) degC if .*?,"
         r" (\S+) degC if nothing",
-        report_progress,
+        text,
     )
-    assert found, (seed, report_progress)
+    assert found, (seed, text)
     column, before, after, span, unit, warm, cold = found.groups()
     assert column == "current_A"
     C, R, k = (number.value for number in selection.final.model.numbers)
     settling = 1.0 - np.exp(-float(span) * UNITS_S[unit] / (R * C))
     rise = R * k * (float(before) ** 2 + (float(after) ** 2 - float(before) ** 2) * settling)
     # the time is said to two figures
-    assert float(warm) - float(cold) == pytest.approx(rise, rel=0.05), (seed, report_progress)
+    assert float(warm) - float(cold) == pytest.approx(rise, rel=0.05), (seed, text)
 
 
 def test_no_column_is_moved_without_the_one_that_goes_along_and_an_offset_needs_a_second_thermometer(circuit):
@@ -61,12 +61,12 @@ def test_no_column_is_moved_without_the_one_that_goes_along_and_an_offset_needs_
     assert _closest(selection, steps[0], selection.steps[0].chosen) is None
     selection, steps = asked(heat("current_A^2"), heat("current_A"))
     assert _closest(selection, steps[0], selection.steps[0].chosen) is selection.compared.trials[1]
-    report_progress = next_experiment(*asked(heat(None), Bias(("board",), (Number("bias_board", "degC", 1.0),))))
-    assert "thermometer" in report_progress
-    assert "`board`" in report_progress
+    text = next_experiment(*asked(heat(None), Bias(("board",), (Number("bias_board", "degC", 1.0),))))
+    assert "thermometer" in text
+    assert "`board`" in text
     drift = Drift(("board",), (Number("drift_board", "K/h", 1.0),))
-    report_progress = next_experiment(*asked(drift, heat("time_s")))
-    assert "`board`: it reads the same if heat_source at board by time_s" in report_progress
+    text = next_experiment(*asked(drift, heat("time_s")))
+    assert "`board`: it agrees with the sensor if the cause is heat_source at board by time_s" in text
 
 
 @pytest.mark.parametrize("heat_W", [20.0, -20.0])

@@ -26,7 +26,7 @@ def _channels(context: click.Context, parameter: click.Parameter, texts: tuple[s
             raise click.UsageError(f"--probe {text}: write it as NAME=CHANNEL, such as air1=101")
         name, channel = probe.groups()
         if name in channels:
-            raise click.UsageError(f"--probe {text}: {name} stands twice")
+            raise click.UsageError(f"--probe {text}: {name} is given twice")
         channels[name] = int(channel)
     return channels
 

@@ -30,7 +30,7 @@ from ambient_trainer.lti.lag import lagged
 LEVEL = 0.05
 """How often, without any effect, any of the robust tests of a report fails; and any of those for whiteness."""
 MOST_SAMPLES = 1200
-"""Few enough that some tens of them are as long as a residual's memory, or nearly."""
+"""Few enough that some tens of them are as long as a residual's autocorrelation time, or nearly."""
 _DELAYS_STEPS = 0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0
 _LONGEST_DELAY_FRAC = 0.25
 _RATE_STEPS = 5
@@ -129,11 +129,11 @@ def _delayed(course: Array) -> tuple[Array, list[float]]:
 
 def _changes(series: Array, sensor: str, heat: Array, time_s: Array) -> Iterator[_Compared]:
     course, known = time_s - time_s[0], np.isfinite(series)
-    # a drift would pass for memory
+    # a drift would pass for autocorrelation
     straight = np.polyval(np.polyfit(course[known], series[known], 1), course)
     largest, _, size = correlated(series, whitening(series - straight), course[None])
     said = f"the residual drifts by {digits(size, 2)} degC over {duration(course[-1])}"
-    yield "drift", sensor, said, "the residual does not drift more than its memory explains", largest
+    yield "drift", sensor, said, "the residual does not drift more than its autocorrelation explains", largest
     changing = [("change", series, "the residual", " degC")]
     if testable(heat):
         changing.append(("change of heat", heat, "the heat that explains the residual", ""))

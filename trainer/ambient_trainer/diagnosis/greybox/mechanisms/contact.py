@@ -19,7 +19,7 @@ class Contact(Joined):
     """A conductance to a body, and the body's temperature, within a window."""
 
     cause = "contact"
-    noun = "the contact with a body of its own temperature"
+    noun = "contact with an external body"
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         conductance = values[:, :1, None] * self.weight(record)

@@ -38,7 +38,7 @@ class Coupling(InProportion):
     """A relative change of the loss; one number for all places, or one of each."""
 
     cause = "ambient_coupling"
-    noun = "a changed resistance to the ambient"
+    noun = "a changed thermal resistance to the ambient"
     step = 0.02
 
     @property

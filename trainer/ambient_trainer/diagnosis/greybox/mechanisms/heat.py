@@ -34,7 +34,7 @@ class Heat(InProportion):
     only: bool = False
 
     cause = "heat_source"
-    noun = "heat that the circuit does not know"
+    noun = "an unmodelled heat source"
     from_nothing = by_place = True
 
     @property

@@ -30,7 +30,7 @@ class Latent(Joined):
     melts: bool = False
 
     cause = "latent_heat"
-    noun = "a body that freezes or melts"
+    noun = "a phase change, freezing or melting"
     adds_nodes = multistart = True
     least = 0.3
 

@@ -29,7 +29,7 @@ class HiddenMass(Mechanism):
     sees_ambient: bool = False
 
     cause = "thermal_mass"
-    noun = "a thermal mass that the circuit lacks"
+    noun = "an unmodelled thermal mass"
     adds_nodes = multistart = True
 
     @property
@@ -97,7 +97,7 @@ class HiddenMass(Mechanism):
         return self.permanent and bool(lag.value > lag.high / _SLOWEST)
 
     def sentence_tail(self) -> str:
-        return "slower than the record: a constant temperature does the same" * self.slow
+        return "slower than the record: a constant temperature has the same effect" * self.slow
 
     def product(self) -> tuple[str, str, tuple[int, int]] | None:
         if self.slow:

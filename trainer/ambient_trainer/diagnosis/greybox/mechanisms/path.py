@@ -32,7 +32,7 @@ class Path(Joined):
     probe: float = _PROBES[0]
 
     cause = "path"
-    noun = "a conduction path that the circuit lacks"
+    noun = "an unmodelled conduction path"
     least = 0.03
     by_place = True
 

@@ -48,7 +48,7 @@ class Bias(_Fault):
     sudden: bool = False
 
     cause = "sensor_bias"
-    noun = "an offset of a sensor"
+    noun = "a sensor offset"
 
     @property
     def step_like(self) -> bool:
@@ -65,7 +65,7 @@ class Gain(_Fault):
     middle_degC: float = _RIGHT_DEGC
 
     cause = "sensor_gain"
-    noun = "a wrong gain of a sensor"
+    noun = "a sensor gain error"
 
     def error(self, own: Array, value: Array, record: Record) -> Array:
         return np.asarray(value * (own - self.middle_degC))
@@ -79,7 +79,7 @@ class Drift(_Fault):
 
     may_end = False
     cause = "sensor_drift"
-    noun = "the drift of a sensor"
+    noun = "sensor drift"
 
     def error(self, own: Array, value: Array, record: Record) -> Array:
         begin_s = self.begin_s if self.onset_s is None else self.onset_s
@@ -91,7 +91,7 @@ class Lag(_Fault):
     """It follows with a lag."""
 
     cause = "sensor_lag"
-    noun = "the lag of a sensor"
+    noun = "sensor lag"
 
     def error(self, own: Array, value: Array, record: Record) -> Array:
         behind = [lagged(row, float(lag), record.period_s) if lag > 0 else row for row, lag in zip(own, value[:, 0])]
@@ -130,7 +130,7 @@ class ReferenceLag(_OfReference):
     """The reference follows the ambient with a lag: T_ambient = T_reference + lag dT_reference/dt."""
 
     cause = "sensor_lag"
-    noun = "the lag of the reference"
+    noun = "lag of the reference"
     instrument = of_reference = True
 
     def ambient(self, logged: Array, off: float, period_s: float) -> Array:
@@ -161,7 +161,7 @@ class Stuck(_Fault):
     """It reads the same whatever happens."""
 
     cause = "sensor_stuck"
-    noun = "a sensor that stands still"
+    noun = "a stuck sensor"
     visible_in_readings = multistart = True
 
     def error(self, own: Array, value: Array, record: Record) -> Array:
