@@ -1,4 +1,4 @@
-"""What is shown while a run lasts: on a terminal a picture that is kept up to date, elsewhere a line now and then."""
+"""Progress of a laboratory run: a live picture on a terminal, a line now and then elsewhere."""
 
 from __future__ import annotations
 

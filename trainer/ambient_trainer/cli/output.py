@@ -1,4 +1,4 @@
-"""What a command shows and writes: its report on the terminal, as JSON and as a page.
+"""Output of a command: its report on the terminal, as JSON and as a page.
 
 Everything that a command is about to write is looked at before it starts: no input is overwritten, no long work is in
 vain.

@@ -1,4 +1,4 @@
-"""The diagnosis: the circuit is fitted, what it lacks is added step by step, and the gain of each step is measured.
+"""Diagnosis by stepwise model extension: fit the circuit, add what it lacks step by step, measure each step's gain.
 
 Without known-good records the question is what the circuit lacks, with them what has changed since.
 """

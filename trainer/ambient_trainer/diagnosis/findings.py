@@ -1,4 +1,4 @@
-"""What a selection of mechanisms says: steps with cause, size, gain and confidence; the ranking of all candidates."""
+"""Findings of a selection: steps with cause, size, gain and confidence, and the ranking of all candidates."""
 
 import math
 from collections.abc import Sequence

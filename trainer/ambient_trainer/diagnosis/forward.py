@@ -1,4 +1,4 @@
-"""Every circuit can be read forward: ambient and drives in, the temperature of each node out.
+"""Forward form of a circuit: ambient and inputs in, the temperature of each measured node out.
 
 In ``rise`` form (the thesis's) the sensors are inputs and the ambient comes out. Turned round, nodes with a heat
 capacity are states that their sensors measure, nodes without one stay prescribed by theirs, and the ambient is

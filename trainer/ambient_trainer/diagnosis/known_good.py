@@ -1,4 +1,4 @@
-"""Known-good records of a device train its circuit: the diagnosis then asks what has changed since.
+"""Training of a circuit on known-good records of a device: the diagnosis then asks what has changed since.
 
 The circuit's numbers get a prior from them: moving a number in a later fit costs as much as it would make these records
 worse, each in proportion to what it leaves anyway. What good records lack of the circuit is added to it first.

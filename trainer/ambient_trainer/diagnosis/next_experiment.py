@@ -1,4 +1,4 @@
-"""The next experiment: what to switch, which sensor to read, and what each of two explanations predicts for it.
+"""Design of the next experiment: the input step after which two competing models' predictions differ most.
 
 Both models are simulated from rest through every step of one logged input, or of one after the ambient has changed; the
 step after which a sensor differs most, in units of what is left there, is proposed.
@@ -75,8 +75,9 @@ def next_experiment(selection: Selection, steps: Sequence[Step]) -> str:
         return f"No step of one logged input distinguishes {steps[0].cause} from {name}. Log longer, and more signals."
     return (
         f"From steady state, take `{found.column}` from {found.rest:g} to {found.level:g}:"
-        f" after {duration(found.after_s)}, `{found.sensor}` reads {found.readings_degC[0]:.2f} degC if {steps[0].cause},"
-        f" {found.readings_degC[1]:.2f} degC if {name} (standard deviation {digits(found.sd_degC, 2)} degC)."
+        f" after {duration(found.after_s)}, `{found.sensor}` reads {found.readings_degC[0]:.2f} degC if it is"
+        f" {steps[0].cause}, {found.readings_degC[1]:.2f} degC if {name} (standard deviation"
+        f" {digits(found.sd_degC, 2)} degC)."
     )
 
 

@@ -1,4 +1,4 @@
-"""The black-box yardstick: the free linear filter, whose poles are searched and whose every gain is solved for.
+"""Free linear filter, the black-box benchmark: its poles are searched, and every gain is solved for.
 
     y = d' u + offset + sum_i b_i(s)' u / p_i(s)
 

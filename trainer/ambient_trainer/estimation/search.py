@@ -1,4 +1,4 @@
-"""The search from several starts, on what variable projection leaves of the problem.
+"""Multistart search of the nonlinear parameters by variable projection.
 
 A budget that is spent or cancelled ends it between two evaluations, never an exception raised on itself; the result is
 then the best so far, marked as stopped. Who cancels holds the budget; who searches asks it.

@@ -1,4 +1,4 @@
-"""A structure is what can be fitted: outputs that are linear in some unknowns beta and not in the others, theta.
+"""Structures that can be fitted: outputs linear in some unknowns beta and nonlinear in the others, theta.
 
 y_o = f_o(theta) + sum_i beta_i F_oi(theta)
 

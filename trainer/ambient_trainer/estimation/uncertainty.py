@@ -1,4 +1,4 @@
-"""Standard errors that survive residuals which are not white, and which parameters the data leave open.
+"""Standard errors that are valid for autocorrelated residuals, and parameters that the data do not determine.
 
 The covariance of the unknowns is the sandwich H^-1 (sum_b g_b g_b') H^-1 with H = J'J and g_b the sum of J_t r_t of
 all outputs over a batch of samples longer than the residuals remember (batch means: Geyer 1992, Statistical Science

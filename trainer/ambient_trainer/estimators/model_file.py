@@ -1,4 +1,4 @@
-"""A fitted system becomes a model file: discretised at every period, with its own test vector and its provenance.
+"""Export of a fitted system as a model file: discretised at every period, with a test vector and provenance.
 
 The provenance holds the traces that it was trained on, and the baseline that was fitted beside it; both are read again.
 """

@@ -1,4 +1,4 @@
-"""A search's end becomes a fit: the system, what is known of each unknown, and the errors it leaves."""
+"""Conversion of a search's result to a fit: the system, its parameters' uncertainty, and its errors."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace

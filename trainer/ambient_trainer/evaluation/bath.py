@@ -1,4 +1,4 @@
-"""A probe's offset is the reference's mean excess over it while both were settled in the same bath.
+"""Calibration offset of a probe: the reference's mean excess over it while both are settled in one bath.
 
 The record of a bath is a table over ``time_s``: the reference first, then the probes, in degC, NaN where there is no
 reading. Settled is a window in which neither the reference nor any probe against it drifts by more than is allowed, by

@@ -1,4 +1,4 @@
-"""The shift between the clocks of two loggers, by what their columns share.
+"""Estimation of the shift between the clocks of two loggers from what their columns share.
 
 A column that both have under one name is the same curve read twice: y(t) = c + g x(t - s). Where they have none, a
 column of one drives one of the other through first-order lags, y = c + g L(x)(t - s). A body that is more than its lags

@@ -1,4 +1,4 @@
-"""Estimators side by side: each fitted to the same samples, each scored on the same samples that none was fitted to."""
+"""Comparison of estimators: each fitted to the same samples and scored on the same held-out samples."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

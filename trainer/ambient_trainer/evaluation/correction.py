@@ -1,4 +1,4 @@
-"""A unit's correction: a model's mean error on it, while the ambient is known, is added to the model's offset.
+"""Offset correction of a unit: a model's mean error at a known ambient is added to the model's offset.
 
 Each estimator of the file (the main one, the secondary one, every fallback) is corrected by its own mean error, run
 over the calibration from its first sample on as on the device. Gains stay as they are: ten minutes at one temperature

@@ -1,4 +1,4 @@
-"""What is odd about a unit: the Bayes factor of each cause, under the scatter that the population's circuits have.
+"""Bayes factors of the possible causes of a unit's deviation, under the variation of the population's circuits.
 
 Typical units show what units of one make differ by: each has its own numbers of a forward circuit, and its own offset
 and gain of every sensor, about a common mean (a nonlinear mixed-effects model, estimated by expectation-maximisation

@@ -1,4 +1,4 @@
-"""Where the tasks run: in this process, on a local Dask cluster, or on any Dask scheduler.
+"""Execution of tasks in this process, on a local Dask cluster, or on any Dask scheduler.
 
 Tasks are pure functions of what they are sent, numbered from 0. A worker that dies is replaced and its tasks are done
 again; a lost connection to the scheduler is made anew, and what was under way is sent again. A task whose worker dies

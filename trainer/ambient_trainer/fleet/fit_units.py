@@ -1,4 +1,4 @@
-"""What a worker does: begin a population, look at a chunk of units, and fit each under the population.
+"""Worker tasks: initialise a population, summarise a chunk of units, and fit each unit under the population.
 
 A task reads what it needs and returns what the driver keeps; it knows no other task, no folder of the driver and no
 clock. The same task gives the same bytes, wherever it runs.

@@ -1,4 +1,4 @@
-"""What a run has done, a file a task; it belongs to one question, and is gone when the run has ended well."""
+"""Results of a run's tasks, one file each, kept for --resume and removed when the run has ended well."""
 
 import contextlib
 import datetime

@@ -1,4 +1,4 @@
-"""The run over a fleet: a population is begun, every unit is looked at, the population is learnt, every unit is fitted.
+"""Fit of a fleet: initialise a population, summarise every unit, estimate the population, fit every unit.
 
 Two maps and a small reduction. A chunk that is done is a file in ``OUT/.parts``: what is interrupted goes on there with
 ``resume``. The driver reads no log and holds no more than a few chunks; the reduction takes them in their order, so the

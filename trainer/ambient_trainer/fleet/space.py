@@ -1,4 +1,4 @@
-"""The coordinates in which units are pooled: the gains of the population's own filter, its time constants held.
+"""Coordinates in which units are pooled: the gains of the population's filter at fixed time constants.
 
 Whatever the estimator is, its fit is a linear system. With the responses of its modes to each input,
 x_j = (sI - A)^-1 b u_j,

@@ -1,4 +1,4 @@
-"""All that a log offers at once, and what is needless goes: some causes show themselves only beside several others.
+"""Backward elimination: fit every cause that the log offers at once, then drop those that are not needed.
 
 Heat by every column that may heat, constant heat, paths and bodies at all places are fitted together; then whatever the
 held-out error does not miss is left out, one amount after the other.

@@ -1,4 +1,4 @@
-"""Which trial is taken, if any: one that gains on data it was not fitted to, physics before instruments."""
+"""Selection of a trial by its gain on held-out data, physical causes before sensor faults."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

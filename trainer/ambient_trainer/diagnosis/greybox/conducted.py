@@ -1,4 +1,4 @@
-"""Heat by one driver that seems to be at several places: at one of them, and conducted to the others by paths.
+"""Conduction tree: heat at one place, conducted to the others by paths, instead of heat at several places.
 
 The paths make a tree. It grows by the one that leaves least; then each is exchanged while that leaves less: of places
 in a row the outer ones may have been joined first, or what it led to has a heater of its own.

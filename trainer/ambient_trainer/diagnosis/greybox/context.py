@@ -1,4 +1,4 @@
-"""What candidates are made of: the fitted model, its places, and the drivers that the log offers."""
+"""Context from which candidates are generated: the fitted model, its places, and the drivers in the log."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

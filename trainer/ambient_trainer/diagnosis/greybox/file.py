@@ -1,4 +1,4 @@
-"""Mechanisms in a circuit's file: as nodes, edges and sources where a circuit has them, else under ``mechanisms``."""
+"""Conversion of mechanisms to a circuit file and back: nodes, edges and sources, else under ``mechanisms``."""
 
 from dataclasses import fields, replace
 from functools import cache

@@ -1,4 +1,4 @@
-"""Thermal networks, many at once: P lanes of one topology with their own parameters, simulated together.
+"""Simulation of thermal networks, P lanes at once: one topology, each lane with its own parameters.
 
 Node i of a lane balances
 

@@ -1,4 +1,4 @@
-"""Two mechanisms at once: where one alone gains little and both gain much, and where two heaters were taken for one."""
+"""Selection of two mechanisms at once: either gains little alone, or two heaters were taken for one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recursions from sample to sample, compiled: modes of linear networks, and what nonlinear heat adds to them.
+"""Compiled recursions over samples: modes of linear networks, and their response to nonlinear heat.
 
 Shapes: P lanes, n modes, N samples, k active nodes, m pairs of them, q losses by a power, r changes of phase.
 """

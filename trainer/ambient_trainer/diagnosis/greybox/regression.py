@@ -1,4 +1,4 @@
-"""Fitting a grey-box model: nonlinear least squares of simulated runs (output error), and what a held-out block says.
+"""Output-error estimation of a grey-box model: nonlinear least squares of simulated runs, and cross-validation.
 
 The start of every run is eliminated (Schur complement) with its prior, the first readings. Steps are Levenberg and
 Marquardt's; several dampings are tried at once, as lanes of one simulation.

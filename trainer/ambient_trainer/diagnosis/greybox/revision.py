@@ -1,5 +1,4 @@
-"""Earlier steps are revised by later ones: what did nearly as well may do better beside what was found since, and what
-is needless beside it goes."""
+"""Revision of earlier steps after later ones: close rivals are tried again, and needless mechanisms are dropped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which mechanisms are worth a fit: candidates of every kind, and what each would leave, by a score test.
+"""Screening of candidate mechanisms by a score test of what each would leave on held-out data.
 
 The score test takes each candidate's first-order effect on the *simulated* sensors, projects out what the model's own
 numbers could do as well, and solves for its amount (Rao 1948). Measured temperatures are never regressors.

@@ -1,4 +1,4 @@
-"""Mechanisms are added one at a time, or two, screened, fitted and compared; what later ones make needless goes."""
+"""Stepwise selection: mechanisms are screened, fitted, compared and added; those that become needless are dropped."""
 
 import logging
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What candidates are worth, fitted jointly with all numbers: the held-out error, and what each takes for granted."""
+"""Joint fits of candidates with all parameters, their held-out error, and a complexity penalty."""
 
 from __future__ import annotations
 

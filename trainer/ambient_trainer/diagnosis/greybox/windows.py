@@ -1,6 +1,6 @@
-"""When something acted that nothing logged shows: the window of time that explains most, by the score test.
+"""Estimation of the time window in which an unlogged cause acts, by the score test.
 
-A driver's delay and level are refined by the simulation in the same way.
+A driver's delay and threshold are refined by the simulation in the same way.
 
 What begins at t_a and ends at t_b adds, to first order, the column of what begins at t_a less that of what begins at
 t_b. All pairs of a coarse grid are scored at once; the best is refined on finer ones.

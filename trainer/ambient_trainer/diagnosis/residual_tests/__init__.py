@@ -1,4 +1,4 @@
-"""Tests of a residual, in the order in which one reads them: is it white noise, and what does it go along with.
+"""Tests of a residual: whether it is white, and which signals, rates and changes it correlates with.
 
 All thresholds are the textbook's. Those of what a residual goes along with hold for all subjects, delays and sensors of
 a report together, by Sidak and Bonferroni: one report in 20 without an effect is meant to have a false alarm. Of 100

@@ -1,4 +1,4 @@
-"""Tests whether a residual is white, with textbook thresholds: Ljung-Box, Bartlett, and the autocorrelation time."""
+"""Whiteness tests of a residual: Ljung-Box, Bartlett's cumulated periodogram, and the autocorrelation time."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""A body of its own temperature holds on to a node for a while: a hand, a table, a pocket."""
+"""Contact of a node with a body at its own temperature for some time: a hand, a table, a pocket."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""The conductance to the ambient follows a driver: G_i (1 + c w(t)); by the ambient itself it is a law of the loss."""
+"""Loss to the ambient that follows a driver: G_i (1 + c w(t)); with the ambient as driver, a law of convection."""
 
 import re
 from collections.abc import Iterator, Sequence

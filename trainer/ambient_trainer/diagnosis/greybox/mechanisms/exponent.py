@@ -1,4 +1,4 @@
-"""The loss grows with a power of the difference: G |d/d0|^p d, as in free convection (p about 0.25) or radiation."""
+"""Nonlinear loss to the ambient: G |d/d0|^p d, as in free convection (p about 0.25) or radiation."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Heat into nodes, proportional to a driver, or constant."""
+"""Heat sources at nodes, proportional to a driver, or constant."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace

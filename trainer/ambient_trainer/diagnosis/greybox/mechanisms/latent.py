@@ -1,4 +1,4 @@
-"""A body that changes its phase beside a node: while it freezes or melts it stays at one temperature.
+"""Latent heat: a body beside a node that stays at one temperature while it freezes or melts.
 
 Its enthalpy, in kelvin of its own heat capacity, is the state z; the body is at z above the melting point T0, stays at
 T0 while z falls by the heat of fusion L, and is at z + L below. Where it begins solid, z is counted from there.

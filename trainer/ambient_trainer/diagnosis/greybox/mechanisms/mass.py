@@ -1,4 +1,4 @@
-"""A thermal mass of its own behind a node, which may see the ambient, too."""
+"""Hidden thermal mass behind a node, optionally with a loss to the ambient."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -1,5 +1,4 @@
-"""A path between two nodes that the circuit does not join, or from nodes to a logged temperature: G, or g w(t)
-where a logged flow w carries it."""
+"""Conduction path between two nodes, or from nodes to a logged temperature: G, or g w(t) with a logged flow w."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Faults of an instrument: offset, gain, lag and drift of a sensor, and a clock that is off."""
+"""Sensor faults: offset, gain, lag, drift and a stuck reading of a sensor, and a clock offset."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
