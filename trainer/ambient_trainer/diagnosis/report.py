@@ -268,10 +268,8 @@ def residuals_table(diagnosis: Diagnosis) -> Table:
         after = [_degrees(_figures(diagnosis, each[number])["rmse_degC"]) for each in last]
         span = duration(own["memory_s"]) if math.isfinite(own["memory_s"]) else "-"
         rows.append((sensor, _degrees(own["rmse_degC"]), *after, _degrees(own["std_degC"]), span))
-    caption = "In degC, over the whole trace. Autocorrelation time: until the residual's autocorrelation is 1/e."
-    return Table(
-        caption, ("sensor", "RMSE", *["RMSE with every step"] * len(last), "std", "autocorrelation time"), rows
-    )
+    caption = "In degC, over the whole trace. Correlation time: until the residual's autocorrelation is 1/e."
+    return Table(caption, ("sensor", "RMSE", *["RMSE with every step"] * len(last), "std", "correlation time"), rows)
 
 
 def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
