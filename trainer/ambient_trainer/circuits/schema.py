@@ -278,7 +278,7 @@ class _Reading:
         if not circuit.inputs:
             self._fault("nodes", "nothing drives the circuit", _DRIVEN[circuit.form])
         for name in sorted(states - _drained(circuit)):
-            self._fault(f"nodes.{name}", "has no thermal path to a boundary", _WAY_OUT[circuit.form])
+            self._fault(f"nodes.{name}", "has no thermal path to a boundary", _PATH_HINT[circuit.form])
         for name in self.parameters:
             if name not in self.used:
                 self._fault(f"parameters.{name}", "nothing uses it", "remove it, or name it where it belongs")
@@ -289,7 +289,7 @@ _DRIVEN = {
     "rise": "give a sensor to a node without capacitance",
     "temperature": "add what drives it, such as 'ambient: {sensor: ambient}'",
 }
-_WAY_OUT = {
+_PATH_HINT = {
     "rise": "join it to the ambient",
     "temperature": "join it, directly or through others, to a node that a sensor prescribes",
 }

@@ -320,8 +320,8 @@ def _step_data(step: Step) -> dict[str, Any]:
 def _nothing(diagnosis: Diagnosis) -> dict[str, Any]:
     """The verdict where nothing is missing, with the keys that every step has."""
     empty = dict.fromkeys(("onset_s", "end_s", "magnitude", "gain", "confidence"))
-    said = {"indistinguishable_from": [], "sentence": headline(diagnosis), "parameters": {}}
-    return {**_cause_data(Cause(NONE)), **empty, **said}
+    rest = {"indistinguishable_from": [], "sentence": headline(diagnosis), "parameters": {}}
+    return {**_cause_data(Cause(NONE)), **empty, **rest}
 
 
 def _cause_data(cause: Cause) -> dict[str, Any]:

@@ -45,10 +45,10 @@ def _at_this_fit(found: Identifiability) -> Iterator[str]:
     known = found.sensitivity
     if known.blind_directions_here:
         mixed = f"{known.blind_directions_here} more, which mix {', '.join(known.mixed_here)}"
-        yield f"Where this fit lies the output stays the same along {mixed}."
+        yield f"At this fit the output does not change along {mixed}."
     if known.silent:
         little = f"(less than {SILENT_DEGC:g} degC per e-fold), and not counted there: {', '.join(known.silent)}"
-        yield f"Without effect where this fit lies {little}."
+        yield f"Without effect at this fit {little}."
     if found.flat:
         errors = f"{found.rmse_degC:.2f} degC and an autocorrelation time of {found.correlation_samples:.0f} samples"
         yield f"Flat profiles: with errors of {errors}, this trace leaves a side open for {', '.join(found.flat)}."
@@ -62,10 +62,10 @@ def _at_this_fit(found: Identifiability) -> Iterator[str]:
 def _structure(found: Identifiability) -> Iterator[str]:
     known = found.sensitivity
     if found.identifiable:
-        yield "Structure: every free parameter changes the output in its own way; perfect data determine them all."
+        yield "Structure: identifiable; perfect data determine every free parameter."
         return
     count = f"{known.blind_directions} direction{'s' * (known.blind_directions > 1)}"
-    yield f"Structure: not identifiable. The output stays exactly the same along {count}:"
+    yield f"Structure: not identifiable. The output does not change along {count}:"
     for up, down in map(_powers, known.symmetries):
         yield f"  {', '.join(up)} times k" + (f", {', '.join(down)} divided by k" if down else "")
     if (bent := known.blind_directions - len(known.symmetries)) > 0:

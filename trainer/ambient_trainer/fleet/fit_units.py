@@ -209,10 +209,10 @@ def _fitted(summaries: Sequence[UnitStatistics], start: Start, pool: PopulationM
     found = []
     for index, (unit, row) in enumerate(zip(summaries, rows)):
         systems = {name: start.spaces[name].system(each.mean[index]) for name, each in posteriors.items()}
-        said = {name: row[name] for name in ("unit", "effective_samples", "shrinkage")}
+        details = {name: row[name] for name in ("unit", "effective_samples", "shrinkage")}
         training = {"trace": unit.unit, "sha256": unit.sha256, "from_s": None, "to_s": None}
         wide = {name: float(each[index]) for name, each in deviation.items()}
-        text = model_text(with_systems(start.fit, systems), wide, said, [training], created)
+        text = model_text(with_systems(start.fit, systems), wide, details, [training], created)
         found.append(UnitFit(row, text))
     return found
 
@@ -262,20 +262,20 @@ def _cross_validated(
 
 def unseen_model(start: Start, pool: PopulationModel, units: int, created: str) -> str:
     """The model file for a unit that was never seen, with the interval that is honest for it."""
-    said = {"units": units, **pool.populations[MAIN].summary}
+    details = {"units": units, **pool.populations[MAIN].summary}
     systems = {name: space.system(pool.populations[name].mean) for name, space in start.spaces.items()}
     deviation = {name: each.unseen_degC for name, each in pool.populations.items()}
-    return model_text(with_systems(start.fit, systems), deviation, said, [], created)
+    return model_text(with_systems(start.fit, systems), deviation, details, [], created)
 
 
 _Entries = Mapping[str, Any]
 
 
 def model_text(
-    fit: Fit, deviation_degC: Mapping[str, float], said: _Entries, training: Sequence[_Entries], created: str
+    fit: Fit, deviation_degC: Mapping[str, float], details: _Entries, training: Sequence[_Entries], created: str
 ) -> str:
     """The model file of ``fit``, each member's interval that of a normal error of its deviation."""
-    model = model_of(replace(fit, details={**fit.details, "fleet": dict(said)}), training, {})
+    model = model_of(replace(fit, details={**fit.details, "fleet": dict(details)}), training, {})
     honest = {}
     for name, each in estimators_of(model).items():
         ends = {level: score * deviation_degC[name] for level, score in SCORES.items()}

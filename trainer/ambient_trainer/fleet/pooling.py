@@ -175,13 +175,13 @@ def pooled(units: NormalEquations, group: NDArray[np.intp], tau_s: float) -> Pop
         R = np.linalg.inv(unity + M)
         weighed = member * weight[:, None]
         projected = weighed.sum(axis=0)[:, None, None] * unity - np.tensordot(weighed, R, (0, 0))
-        said = weighed.T @ _times(R, f)
+        vectors = weighed.T @ _times(R, f)
         above_between = whiten @ group_between @ whiten.T
-        above = posterior(projected, said, whiten @ mean, above_between)
+        above = posterior(projected, vectors, whiten @ mean, above_between)
         total = above.information.sum(axis=0)
         total += _RIDGE * np.trace(total) / p * unity
         middle = np.linalg.solve(total, above.vector.sum(axis=0))
-        above = posterior(projected, said, middle, above_between)
+        above = posterior(projected, vectors, middle, above_between)
         centre = above.mean[group]
         apart = _times(R, f - _times(M, centre))
         second = np.tensordot(weight, R, 1) + (apart * weight[:, None]).T @ apart

@@ -72,11 +72,11 @@ def report_of(fleet: FleetFit) -> Report:
 
 
 def _hyperparameters(fleet: FleetFit, good: pd.DataFrame) -> list[tuple[str, str, str]]:
-    said = fleet.population.summary
+    summary = fleet.population.summary
     return [
-        ("between units", f"{said['between_units_degC']:.2f}", "degC, standard deviation of the estimate"),
-        ("noise", f"{said['noise_degC']:.2f}", "degC, standard deviation of the residual"),
-        ("autocorrelation time", f"{said['memory_s']:.0f}", "s, of the residual"),
+        ("between units", f"{summary['between_units_degC']:.2f}", "degC, standard deviation of the estimate"),
+        ("noise", f"{summary['noise_degC']:.2f}", "degC, standard deviation of the residual"),
+        ("autocorrelation time", f"{summary['memory_s']:.0f}", "s, of the residual"),
         ("effective samples", f"{good['effective_samples'].median():.1f}", "per unit (median)"),
         ("shrinkage", f"{good['shrinkage'].median():.2f}", "median over units; 1 is the population's value"),
         ("unseen unit", f"{1.645 * fleet.population.unseen_degC:.2f}", "degC, half the 90 % interval"),

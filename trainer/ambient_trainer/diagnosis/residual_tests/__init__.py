@@ -100,9 +100,9 @@ def _along(
             (responses, delays), others = _delayed(course), [_delayed(each)[0] for each in given]
             largest, best, size = correlated(series, whiten, responses, *others)
             delay = f"with a delay of about {duration(delays[best] * step_s)}" if delays[best] else "at once"
-            said = f"the residual follows {what} {delay}, by {digits(size, 2)} degC over its range{hint}"
-            otherwise = f"the residual does not follow {what} more than chance would"
-            yield test, f"{sensor}, {what}" if what in logged else sensor, said, otherwise, largest
+            if_significant = f"the residual follows {what} {delay}, by {digits(size, 2)} degC over its range{hint}"
+            if_not = f"the residual does not follow {what} more than chance would"
+            yield test, f"{sensor}, {what}" if what in logged else sensor, if_significant, if_not, largest
 
     for name, row in logged.items():
         yield from tested("cross-correlation", name, "", row)
@@ -132,8 +132,8 @@ def _changes(series: Array, sensor: str, heat: Array, time_s: Array) -> Iterator
     # a drift would pass for autocorrelation
     straight = np.polyval(np.polyfit(course[known], series[known], 1), course)
     largest, _, size = correlated(series, whitening(series - straight), course[None])
-    said = f"the residual drifts by {digits(size, 2)} degC over {duration(course[-1])}"
-    yield "drift", sensor, said, "the residual does not drift more than its autocorrelation explains", largest
+    if_significant = f"the residual drifts by {digits(size, 2)} degC over {duration(course[-1])}"
+    yield "drift", sensor, if_significant, "the residual does not drift more than its autocorrelation explains", largest
     changing = [("change", series, "the residual", " degC")]
     if testable(heat):
         changing.append(("change of heat", heat, "the heat that explains the residual", ""))
