@@ -57,12 +57,12 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     loose = np.flatnonzero(~at_bound)
     J = np.concatenate([each[loose].reshape(len(loose), each[0].size).T for each in rows])
     scale = np.linalg.norm(J, axis=0)
-    silent = scale == 0
-    scale[silent] = 1.0
+    insensitive = scale == 0
+    scale[insensitive] = 1.0
     _, singular, Vt = np.linalg.svd(np.linalg.qr(J / scale, mode="r"))
     kept = singular > _NULL * singular[0] if len(singular) else singular.astype(bool)
-    blind = Vt[~kept]
-    known = ~silent & ((blind**2).sum(axis=0) < _INVOLVED**2)
+    null_directions = Vt[~kept]
+    known = ~insensitive & ((null_directions**2).sum(axis=0) < _INVOLVED**2)
     inverse = (Vt[kept].T / singular[kept]) @ (Vt[kept] / singular[kept][:, None]) / np.outer(scale, scale)
     outputs = [row[~np.isnan(row)] for each in errors for row in each]
     correlation_samples = max((autocorrelation_time(each) for each in outputs if len(each)), default=1.0)
@@ -80,7 +80,7 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
         standard_error[loose] = np.where(known, np.sqrt(np.diag(covariance)), np.nan)
     identifiable = np.ones(len(names), dtype=bool)
     identifiable[loose] = known
-    involved = [loose[np.abs(direction) > _INVOLVED] for direction in blind]
+    involved = [loose[np.abs(direction) > _INVOLVED] for direction in null_directions]
     confounded = tuple(tuple(names[k] for k in each) for each in involved)
     quantile = float(stats.t.ppf(0.975, max(spare, 1)))
     return Uncertainty(names, standard_error, quantile, at_bound, identifiable, confounded, correlation_samples)

@@ -236,7 +236,7 @@ def reestimates(subject: Subject, known: Sensitivity, effort: Effort, progress: 
         off = {name: subject.values[name] * by for name, by in zip(names, factors.tolist())}
         progress("fitting its own output", number, effort.starts)
         left, values = _refitted(subject.structure(off))
-        sensitive = (name for name in known.effect_degC if name not in known.silent)
+        sensitive = (name for name in known.effect_degC if name not in known.insensitive)
         moved = {name: _moved(subject.values[name], values[name]) for name in sensitive}
         fit_percent = 100.0 * (1.0 - math.sqrt(max(left, 0.0) / about_mean))
         ends.append(Reestimate(fit_percent, {name: values[name] for name in known.effect_degC}, moved))
@@ -290,7 +290,7 @@ def recovered(
     """What comes back, on average, of the identifiable parameters, from the own output with white noise."""
     random = np.random.default_rng(seed)
     structure = subject.structure(subject.values)
-    unclear = {*known.mixed, *known.mixed_here, *known.silent}
+    unclear = {*known.mixed, *known.mixed_here, *known.insensitive}
     names = [name for name in parameter_names(structure) if name not in unclear]
     positive = [name in structure.logarithmic_names for name in names]
     draws = []
