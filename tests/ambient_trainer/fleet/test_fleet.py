@@ -132,7 +132,7 @@ def test_an_interrupted_run_goes_on_and_another_is_refused(fleet_units, tmp_path
 
     def stop(what, done, total):
         seen.append((what, done))
-        if what.startswith("looking") and done == 2:
+        if what.startswith("summarising") and done == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -172,7 +172,7 @@ def _squares(fitted: Fitted, by_block: bool) -> Array:
 
 
 def _is_rival(trial: Trial, chosen: Trial) -> bool:
-    """Whether a trial of another cause, or by a driver that goes along with the chosen one's, does nearly as well."""
+    """Whether a trial of another cause, or by a driver collinear with the chosen one's, fits nearly as well."""
     if chosen.mechanism.visible_in_readings or leaves_offset_steps(chosen, trial):
         return False
     one, other = trial.mechanism, chosen.mechanism
@@ -182,8 +182,8 @@ def _is_rival(trial: Trial, chosen: Trial) -> bool:
 
 
 def _confidence(step: SelectionStep, chosen: Trial, final: Fitted, needed: float = math.inf) -> float:
-    """The probability that the cause, its place and its driver are right, by the margin over the closest other that is
-    not there, too, and by what is ``needed`` of it at the end."""
+    """Probability that cause, place and driver are right, from the margin over the closest cause not in the model,
+    and from the error that grows without it at the end, ``needed``."""
     if chosen.mechanism.visible_in_readings:
         return _CONFIDENCE_IF_VISIBLE
     sound = [each for each in step.trials if not each.at_bounds]
@@ -201,7 +201,7 @@ def _confidence(step: SelectionStep, chosen: Trial, final: Fitted, needed: float
 
 
 def _is_ambiguous(step: SelectionStep, chosen: Trial, final: Fitted) -> bool:
-    """Whether something quite different reads the same, or nothing else was tried beside what was found with it."""
+    """Whether a quite different cause gives the same readings, or no alternative was tried."""
     mechanism, records = chosen.mechanism, final.records
     # later steps may have moved its numbers
     doubtful = any(each.ambiguous for each in final.model.mechanisms if is_same(each, mechanism))
@@ -225,7 +225,7 @@ def _is_proxy(driver: Expression, records: Sequence[Record]) -> bool:
 
 
 def ambient_is_constant(records: Sequence[Record]) -> bool:
-    """Whether the ambient never moves: constant heat, or a body that is slow, may be that of another room."""
+    """Whether the ambient is constant: constant heat, or a slow body, may then be another room's temperature."""
     return bool(records) and not any(np.ptp(each.signals.get(REFERENCE, np.zeros(1))) > 0 for each in records)
 
 
@@ -273,7 +273,7 @@ def _equivalent_physics(trial: Trial) -> tuple[Cause, ...]:
 
 
 def _collinear_light(mechanism: Mechanism, fitted: Fitted) -> list[str]:
-    """The light that all records have and that goes along with what drives heat and is none itself."""
+    """The logged light that is collinear with a driver of heat that is not light itself."""
     if mechanism.driver is None or mechanism.driver.columns[0].endswith(LIGHT):
         return []
     light = [each for each in Context(fitted).columns if each.endswith(LIGHT)]
@@ -282,7 +282,7 @@ def _collinear_light(mechanism: Mechanism, fitted: Fitted) -> list[str]:
 
 
 def _has_excitation(record: Record) -> bool:
-    """Whether the ambient changes, or anything else that is logged and no temperature."""
+    """Whether the ambient, or any other logged input, changes."""
     inputs = (row for name, row in record.signals.items() if name == REFERENCE or not name.endswith("_degC"))
     return any(np.ptp(row) > 0 for row in inputs)
 
@@ -317,13 +317,13 @@ def _is_equivalent(one: Mechanism, other: Mechanism, records: Sequence[Record]) 
 
 
 def _are_collinear(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:
-    """Whether both have the same cause at the same places, by logged drivers that go together all the time."""
+    """Whether both have the same cause at the same places, by collinear logged drivers."""
     alike = (one.cause, one.places) == (other.cause, other.places) and one.permanent and other.permanent
     return alike and one.driver is not None and other.driver is not None and collinear(one, other, records)
 
 
 def _penalty(other: Trial, chosen: Trial) -> float:
-    """An instrument has to do so much better than physics to be blamed, and so has what answers to the same cause."""
+    """Penalty on a sensor fault, and on an endogenous driver, compared with a physical cause."""
     if other.mechanism.endogenous and not chosen.mechanism.endogenous:
         return math.log(ENDOGENOUS_PENALTY)
     blamed = other.mechanism.instrument and not chosen.mechanism.instrument

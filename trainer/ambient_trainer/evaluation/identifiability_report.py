@@ -47,7 +47,7 @@ def _at_this_fit(found: Identifiability) -> Iterator[str]:
         mixed = f"{known.blind_directions_here} more, which mix {', '.join(known.mixed_here)}"
         yield f"At this fit the output does not change along {mixed}."
     if known.insensitive:
-        little = f"(less than {INSENSITIVE_DEGC:g} degC per e-fold), and not counted there: {', '.join(known.insensitive)}"
+        little = f"(less than {INSENSITIVE_DEGC:g} degC per e-fold), not counted there: {', '.join(known.insensitive)}"
         yield f"Without effect at this fit {little}."
     if found.flat:
         errors = f"{found.rmse_degC:.2f} degC and an autocorrelation time of {found.correlation_samples:.0f} samples"

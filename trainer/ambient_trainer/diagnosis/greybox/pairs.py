@@ -20,8 +20,8 @@ from ambient_trainer.diagnosis.greybox.windows import Columns
 
 ABOVE_FLOOR = 2.0
 _PAIRED, _LITTLE, _MUCH = 4, 0.7, 1 / 3
-"""Seconds are tried beside so many; what leaves more than the one share of the error gains little, and what leaves more
-than the other may be heat that nothing logs: a measured rig's valve left 0.53, a printer's heater, rightly, 0.12."""
+"""Number of first trials to which a second is added; share of the error above which one gains little, and above which
+it may be unlogged heat: a measured rig's valve left 0.53, a printer's heater, rightly, 0.12."""
 _OWN = 0.1
 """Of the held-out error's logarithm: by how much two heaters, each at its own place, may do worse than one at both,
 where they leave less in sample. In a short log both go up together. In three measured sets of four they were worse by
@@ -70,7 +70,7 @@ def fit_pair(
 
 
 def _first_candidates(step: SelectionStep, unlogged: bool) -> list[Trial]:
-    """Of heat, and masses, the best trial at one place and at several, by each driver; of one sun's the best."""
+    """The best trials of heat and of masses, at one place and at several, for each driver; one for all light."""
     begun: dict[object, Trial] = {}
     for each in [*([step.chosen] if step.chosen else []), *sorted(step.trials, key=penalised)]:
         if _is_storage_or_heat(each.mechanism, unlogged):
@@ -147,7 +147,7 @@ def fit_separately(step: SelectionStep, limits: Limits) -> list[SelectionStep]:
 
 
 def step_given_second(step: SelectionStep, first: Trial, second: Trial) -> SelectionStep:
-    """The step of ``first`` where ``second`` is there, too: beside the model that holds that one alone."""
+    """The step of ``first`` given ``second``: compared with the model that has ``second`` alone."""
     alone = (each for each in sorted(step.trials, key=penalised) if each.permanent)
     before = next((each.fitted for each in alone if each.mechanism.key == second.mechanism.key), step.before)
     together = replace(first, fitted=second.fitted, rmse_degC=second.rmse_degC)
@@ -184,22 +184,22 @@ def _is_storage_or_heat(mechanism: Mechanism, unlogged: bool) -> bool:
 
 
 def _is_constant_heat(mechanism: Mechanism) -> bool:
-    """Whether it is heat that nothing logged drives."""
+    """Whether it is heat without a logged driver."""
     return mechanism.cause == "heat_source" and mechanism.driver is None
 
 
 def _changes_loss(mechanism: Mechanism) -> bool:
-    """Whether it is a loss that is another for a while, or by a driver: what it hides looks like no heater's."""
+    """Whether it is a changed loss, in a window or by a driver."""
     return mechanism.cause == "ambient_coupling"
 
 
 def _is_heat_at_several(mechanism: Mechanism) -> bool:
-    """Whether it is heat by one logged column at several places, all the time."""
+    """Whether it is permanent heat by one logged column at several places."""
     return _is_heat_by_column(mechanism) and len(mechanism.places) > 1
 
 
 def _heaters(place: str, mechanism: Mechanism, context: Context, columns_of: Columns) -> Iterator[Mechanism]:
-    """Heat into a place by columns in the unit of the one that drives ``mechanism``."""
+    """Candidates of heat into a place by columns in the unit of the driver of ``mechanism``."""
     for each in permanent_candidates(context, columns_of):
         if _is_heat_by_column(each) and each.places == (place,) and _unit(each) == _unit(mechanism):
             yield each

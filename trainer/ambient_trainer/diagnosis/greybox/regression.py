@@ -37,7 +37,7 @@ _LARGE, _CACHED = 1_000_000, 200_000
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of a model's first k numbers: coordinates z (k,), and their precision (k, k)."""
+    """Gaussian prior of a model's first k parameters: mean z (k,) and precision (k, k)."""
 
     z: Array
     precision: Array
@@ -70,7 +70,7 @@ class Prior:
 
 @dataclass(frozen=True)
 class Linearised:
-    """One record with the model's simulation of it: residual (M,), its slopes (M, p), and the block of each sample."""
+    """A record's simulation linearised in the parameters: residual (M,), Jacobian (M, p), and those of the start."""
 
     residual: Array
     slopes: Array
@@ -132,7 +132,7 @@ class Fitted:
         return np.linalg.qr(self.slopes)[0] if self.slopes.size else np.zeros((len(self.residual), 0))
 
     def project_out(self, columns: Array) -> Array:
-        """Columns (M, ...) without what the model's own numbers can do."""
+        """Columns (M, ...) projected onto the orthogonal complement of the model's Jacobian."""
         return np.asarray(columns - self._basis @ (self._basis.T @ columns))
 
     @cached_property
@@ -168,7 +168,7 @@ class Fitted:
 
     @property
     def by_stretches(self) -> FoldData:
-        """The readings of many short stretches by turns: what acts for a while is seen on both sides of each."""
+        """The data in interleaved short stretches: a temporary effect is seen on both sides of each."""
         return FoldData.of(self.slopes, self.residual, self.stretch % FOLDS)
 
     @cached_property
@@ -180,7 +180,7 @@ class Fitted:
 
     @cached_property
     def held_out_stretches(self) -> Array:
-        """As :attr:`held_out`, but of the stretches of :attr:`by_stretches`, (F,)."""
+        """As :attr:`held_out`, but by cross-validation over the interleaved stretches of :attr:`by_stretches`, (F,)."""
         return self.by_stretches.normal.held_out(self.ridge, EACH_FOLD)
 
     def refitted(self, most_degC: float = np.inf) -> Fitted:
@@ -233,7 +233,7 @@ class Fitted:
 
 @dataclass(frozen=True)
 class FoldEquations:
-    """The normal equations of each fold: J'J (F, p, p), J'r (F, p) and r'r (F,)."""
+    """Normal equations of each fold: J'J (F, p, p), J'r (F, p) and r'r (F,)."""
 
     H: Array
     g: Array
@@ -282,7 +282,7 @@ class FoldEquations:
 
 @dataclass(frozen=True)
 class FoldData:
-    """Readings by fold: which are a fold's own, their slopes, and what is left of them."""
+    """Data by fold: row indices, Jacobian and residual of each."""
 
     rows: tuple[NDArray[np.intp], ...]
     slopes: tuple[Array, ...]
@@ -443,7 +443,7 @@ def fit(
 def _minimised(
     model: GreyBox, records: Sequence[Record], runs: Sequence[Linearised], most: int, tolerance: float, base: Prior
 ) -> Fitted | None:
-    """As :func:`fit`, where the runs of the model are known."""
+    """As :func:`fit`, from known linearisations of the model: Levenberg-Marquardt."""
     z, prior = model.z(), base.extended(model)
     low, high = (np.array(each) for each in zip(*(number.range_z for number in model.numbers))) if len(z) else (z, z)
     if not all(np.isfinite(run.residual).all() for run in runs) or not _finite(runs):
@@ -479,7 +479,7 @@ def _prior_weight(prior: Prior, runs: Sequence[Linearised]) -> Array:
 
 @dataclass(frozen=True)
 class _DampedStep:
-    """Where a step ends, and the share of the cost that it gains."""
+    """Where a damped Gauss-Newton step ends, and by what share it lowers the cost."""
 
     z: Array
     starts: list[Array]

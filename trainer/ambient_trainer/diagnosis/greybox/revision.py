@@ -16,7 +16,7 @@ from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, assumed, co
 from ambient_trainer.diagnosis.greybox.windows import refine_timing
 
 _NEAR, _RIVALS, _ELSEWHERE = 0.15, 3, 2
-"""Of the penalised logarithm of the error: a rival that is nearer is tried again; so many at most, and other places."""
+"""Penalised log error within which a rival is tried again; maximum number of rivals, and of other places."""
 
 
 def revise(
@@ -57,7 +57,7 @@ def is_same(final: Mechanism, chosen: Mechanism) -> bool:
 
 
 def close_rivals(step: SelectionStep) -> Iterator[Trial]:
-    """The rivals of a step that do nearly as well, the best form of each.
+    """Rivals of a step with nearly the same score, the best form of each.
 
     What lasts, follows a log, or is physics stays before what acts for a while, follows none, or blames an instrument.
     What acts on a body stays out, since later steps may have changed or dropped that.
@@ -81,7 +81,7 @@ def close_rivals(step: SelectionStep) -> Iterator[Trial]:
 
 
 def at_other_places(step: SelectionStep) -> Iterator[Trial]:
-    """For what is at one place the same at others: what else was missing may have hidden where it is."""
+    """The same mechanism at other places: another missing cause may have hidden where it acts."""
     assert step.chosen is not None
     mine, seen = step.chosen.mechanism, {step.chosen.mechanism.places}
     for each in sorted(step.trials, key=penalised):
@@ -94,7 +94,7 @@ def at_other_places(step: SelectionStep) -> Iterator[Trial]:
 
 
 def _fit_with_rival(fitted: Fitted, index: int, rival: Trial) -> Fitted | None:
-    """A fit with a rival in the place of one mechanism, and without windows that it makes needless."""
+    """A fit with a rival in place of one mechanism, and without windows that become needless."""
     model = fitted.model.replaced(index, rival.fitted.model.mechanisms[-1])
     other = fit(model, fitted.records, tolerance=1e-3, prior=fitted.prior)
     # a cause that is right may spare windows that stood in for it
@@ -108,7 +108,7 @@ def _fit_with_rival(fitted: Fitted, index: int, rival: Trial) -> Fitted | None:
 
 
 def _gains(fitted: Fitted, mine: Mechanism, other: Fitted, rival: Trial) -> bool:
-    """Whether a model with a rival in the place of one mechanism does better, by what both assume."""
+    """Whether a model with a rival in place of one mechanism has a better penalised held-out error."""
     permanent = mine.permanent and rival.permanent
     before, after = (each.held_out.sum() if permanent else each.held_out_stretches.sum() for each in (fitted, other))
     spares = len(other.model.mechanisms) < len(fitted.model.mechanisms)
@@ -132,12 +132,12 @@ def _swap_chosen(step: SelectionStep, rival: Trial, fitted: Fitted, tried: dict[
 
 
 def _score_besides(fitted: Fitted, trial: Trial) -> float:
-    """What a model leaves in sample, and assumes besides a trial's own mechanism."""
+    """Log in-sample error of a model, penalised for its complexity besides a trial's own mechanism."""
     return float(np.log(fitted.rmse_degC)) + PENALTY * (assumed(fitted.model) - complexity(trial.mechanism))
 
 
 def _drop_each_place(mechanism: Mechanism) -> list[Mechanism]:
-    """A mechanism without each of its places, where each has numbers of its own."""
+    """A mechanism with each of its places left out in turn, where each has its own parameters."""
     count = len(mechanism.places)
     if count < 2 or len(mechanism.numbers) % count:
         return []
@@ -183,7 +183,7 @@ def _fit_if_as_good(fitted: Fitted, less: GreyBox, spared: float) -> Fitted | No
 
 
 def refit_as(fitted: Fitted, model: GreyBox, most_degC: float = np.inf) -> Fitted | None:
-    """Another model on the records of a fit, by the same measure; None where it leaves more than ``most_degC``."""
+    """Fit another model to the same records with the same validation; None where it leaves more than ``most_degC``."""
     other = fit(model, fitted.records, [None for _ in fitted.runs], tolerance=1e-3, prior=fitted.prior)
     if other is None or other.rmse_degC > most_degC:
         return None

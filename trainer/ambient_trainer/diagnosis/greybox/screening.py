@@ -37,12 +37,12 @@ class Screened:
 
 
 def permanent_candidates(context: Context, columns_of: Columns) -> Iterator[Mechanism]:
-    """Those of every kind of mechanism that may act all the time."""
+    """Candidates of every kind of mechanism that act throughout the record."""
     yield from _offered(context, "candidates")
 
 
 def every_candidate(context: Context, columns_of: Columns) -> Iterator[Mechanism]:
-    """Those, and those that may act for a while, each in its best window, and what else may act in that."""
+    """Permanent candidates, and temporary ones, each in its best window."""
     yield from permanent_candidates(context, columns_of)
     yield from _windowed(context, columns_of, _offered(context, "windowed"))
     yield from _windowed(context, columns_of, _offered(context, "alone"))
@@ -56,7 +56,7 @@ def ambient_distinct_candidates(context: Context, columns_of: Columns) -> Iterat
 
 
 def change_candidates(context: Context, columns_of: Columns) -> Iterator[Mechanism]:
-    """Those, and what may have changed for good or begun on a device that known-good records hold."""
+    """Candidates of a change since known-good records: permanent ones, and those that may have begun or ended."""
     windowed = _windowed(context, columns_of, _offered(context, "windowed"))
     yield from (each for each in (*permanent_candidates(context, columns_of), *windowed) if not each.structural)
     yield from _offered(context, "windowed")
@@ -71,7 +71,7 @@ def _offered(context: Context, how: str) -> Iterator[Mechanism]:
 
 
 def _windowed(context: Context, columns_of: Columns, offered: Iterable[Mechanism]) -> Iterator[Mechanism]:
-    """Each in its best windows, and what else may act in those."""
+    """Each candidate in its best windows, and other mechanisms in the same windows."""
     for each in offered:
         for placed in best_windows(context.fitted, each, columns_of):
             yield placed
@@ -99,13 +99,13 @@ def screen(context: Context, offered: Offered) -> list[Screened]:
 
 
 def effect_columns(fitted: Fitted) -> Columns:
-    """What each probe of a mechanism adds to the sensors beside a fit, (M, k)."""
+    """First-order effect of each probe of a mechanism on the sensors, (M, k)."""
     beside = [_LinearisedModel(fitted.model, record, run.start) for record, run in zip(fitted.records, fitted.runs)]
     return lambda mechanism: np.concatenate([each.effect(mechanism) for each in beside])
 
 
 class _LinearisedModel:
-    """A model on a record, whose own heat and losses stay as they are along its simulation."""
+    """A model linearised along its simulation of a record."""
 
     def __init__(self, model: GreyBox, record: Record, start: Array) -> None:
         self.model, self.record, self.start = model, record, start
@@ -133,7 +133,7 @@ class _LinearisedModel:
 
 
 def _score_test(fitted: Fitted, parts: FoldData, S: Array, permanent: bool) -> tuple[Array, float]:
-    """The amounts (k,) of columns S (M, k) beside the model's own slopes, and the held-out sum of squares with them.
+    """Score test of columns S (M, k): their amounts (k,) beside the model's Jacobian, and the held-out sum of squares.
 
     What acts for a while is left out in short stretches, and its gain on them is taken for that on folds.
     """

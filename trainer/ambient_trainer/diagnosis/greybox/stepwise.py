@@ -116,7 +116,7 @@ def _select(
 
 
 def _stuck(step: SelectionStep, limits: Limits) -> bool:
-    """Whether nothing by itself gains, though a black box with the same inputs leaves much less."""
+    """Whether no single mechanism gains, although a black box with the same inputs leaves much less."""
     return step.chosen is None and step.before.held_out_rmse_degC > ABOVE_FLOOR * limits.floor_degC
 
 
@@ -189,8 +189,8 @@ def _screen_and_fit(points: Sequence[Fitted], offered: Offered, report: Progress
 
 
 def anchors(model: GreyBox, records: Sequence[Record]) -> list[Fitted]:
-    """The circuit as it is given and with time constants a factor of ten off, not fitted: where a cause that is missing
-    drives the fit to absurd ones, candidates show themselves here."""
+    """The unfitted circuit, as given and with time constants ten times off: candidates can be detected here where a
+    missing cause drives the fit to absurd time constants."""
     points = (fit(_slower(model, factor), records, most=0, prior=Prior.of(model)) for factor in (1.0, 10.0, 0.1))
     return [each for each in points if each is not None]
 

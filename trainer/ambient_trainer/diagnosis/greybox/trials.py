@@ -19,7 +19,7 @@ from ambient_trainer.diagnosis.greybox.windows import best_window, refine_timing
 from ambient_trainer.diagnosis.record import Record
 
 PENALTY = 0.04
-"""Of the held-out error's logarithm, by complexity."""
+"""Penalty on the logarithm of the held-out error, per unit of complexity."""
 _FEW, _MANY, _FINALISTS = 5, 25, 4
 _FINE, _COARSE = 5e-4, 3e-3
 """Of the cost: what a step of a fit gains, when it ends."""
@@ -69,7 +69,7 @@ class Trial:
 
 
 def starts_out_of_range(fitted: Fitted) -> bool:
-    """Whether a body that was added begins far outside of all temperatures that are known then."""
+    """Whether an added body starts far outside of the temperatures known at that time."""
     own = len(fitted.model.circuit.states)
     if not any(each.adds_nodes for each in fitted.model.mechanisms):
         return False
@@ -84,8 +84,8 @@ def starts_out_of_range(fitted: Fitted) -> bool:
 
 
 def identified(fitted: Fitted, index: int) -> bool:
-    """Whether an amount of a mechanism is surely not zero, or its conductance is known within a factor of a hundred; of
-    heat and paths each."""
+    """Whether an amount of a mechanism is significant, or its conductance is known to a factor of a hundred; for heat
+    and paths each of them."""
     mechanism = fitted.model.mechanisms[index]
     first = len(fitted.model.own) + sum(len(each.numbers) for each in fitted.model.mechanisms[:index])
     variance = np.diag(fitted.covariance)[first : first + len(mechanism.numbers)]
@@ -186,7 +186,7 @@ def _relocate_window(fitted: Fitted) -> Fitted:
 
 
 def is_cheap(fitted: Fitted) -> bool:
-    """Whether folds can be left out in earnest: without a loop over samples, or with few of them."""
+    """Whether refitting without each fold is affordable: no loop over samples, or few of them."""
     network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
     return not network.nonlinear or sum(record.samples for record in fitted.records) < _LOOPED
 
@@ -237,12 +237,12 @@ def _superposed(before: Fitted, mechanism: Mechanism, parts: Sequence[Trial]) ->
 
 
 def _promise(trial: Trial) -> float:
-    """Which trials are worth a full fit: by the error in sample, since few steps make the held-out one unsure."""
+    """In-sample score by which trials get a full fit: after few iterations the held-out error is unreliable."""
     return float(np.log(trial.fitted.rmse_degC)) + PENALTY * complexity(trial.mechanism)
 
 
 def complexity(mechanism: Mechanism) -> float:
-    """How much a mechanism assumes: its numbers, its driver's parts, and what it takes for granted besides."""
+    """Complexity of a mechanism: its parameters, its driver's terms, and further assumptions."""
     text = "" if mechanism.driver is None else mechanism.driver.text
     driver = (
         0.5 * bool(text)
@@ -257,10 +257,10 @@ def complexity(mechanism: Mechanism) -> float:
 
 
 def assumed(model: GreyBox) -> float:
-    """What all mechanisms of a model assume."""
+    """Total complexity of a model's mechanisms."""
     return sum(map(complexity, model.mechanisms))
 
 
 def penalised(trial: Trial) -> float:
-    """The logarithm of the held-out error, and what a mechanism assumes."""
+    """Logarithm of the held-out error, penalised for complexity."""
     return float(np.log(trial.rmse_degC)) + PENALTY * complexity(trial.mechanism)
