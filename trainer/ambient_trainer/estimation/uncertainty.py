@@ -19,8 +19,8 @@ from ambient_trainer.estimation.structure import Structure
 
 _NULL = 1e-8
 _INVOLVED = 0.05
-_MEMORIES_PER_BATCH = 2, 8
-"""At least, and at most: the longer a batch, the less of it the next one remembers, but the fewer there are."""
+_TIMES_PER_BATCH = 2, 8
+"""At least, and at most: the longer a batch, the less it correlates with the next, but the fewer there are."""
 _SPARE = 20
 """More batches than unknowns are wanted by so many."""
 _WHITE = 1.3
@@ -67,14 +67,14 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     outputs = [row[~np.isnan(row)] for each in errors for row in each]
     correlation_samples = max((autocorrelation_time(each) for each in outputs if len(each)), default=1.0)
     samples = sum(each.shape[1] for each in errors)
-    batch_times = np.clip(samples / correlation_samples / (len(loose) + _SPARE), *_MEMORIES_PER_BATCH)
+    batch_times = np.clip(samples / correlation_samples / (len(loose) + _SPARE), *_TIMES_PER_BATCH)
     batch = 1 if correlation_samples < _WHITE else math.ceil(batch_times * correlation_samples)
     slopes = [np.einsum("kqn,qn->nk", J_t[loose], np.nan_to_num(r)) for J_t, r in zip(rows, errors) if r.size]
     scores = np.concatenate([np.add.reduceat(s, np.arange(0, len(s), batch), axis=0) for s in slopes])
     spare = len(scores) - len(loose)
     standard_error = np.full(len(names), np.nan)
     if spare >= 5:
-        # what is remembered from one batch to the next is half a memory, and lacks in the batches' variance
+        # neighbouring batches share half an autocorrelation time, which lacks in the batches' variance
         short = batch / (batch - correlation_samples / 2) if batch > 1 else 1.0
         covariance = inverse @ (scores.T @ scores) @ inverse * (short * len(scores) / spare)
         standard_error[loose] = np.where(known, np.sqrt(np.diag(covariance)), np.nan)

@@ -58,7 +58,7 @@ class Start:
 
 @dataclass(frozen=True)
 class UnitStatistics:
-    """What one unit's log says of each member's coordinates, or the reason why it says nothing."""
+    """Sufficient statistics of a unit's log for each member's coordinates, or the reason why there are none."""
 
     unit: str
     group: tuple[str, ...]
@@ -75,7 +75,7 @@ class UnitStatistics:
 
 @dataclass(frozen=True)
 class PopulationModel:
-    """Under what each unit is fitted: the population by member, the groups, and the names of their columns."""
+    """Prior under which units are fitted: the population by member, the groups, and the names of their columns."""
 
     populations: Mapping[str, Population]
     groups: tuple[tuple[str, ...], ...]
@@ -141,7 +141,7 @@ def _thinned(trace: Trace, period_s: float) -> Trace:
 
 
 def summarise(wanted: Sequence[Entry], source: Source, start: Start) -> list[UnitStatistics]:
-    """What each unit of a chunk says of the coordinates."""
+    """Sufficient statistics of each unit of a chunk."""
     with threadpool_limits(1):
         return [_statistics_of(log, start) for log in logs(wanted, source)]
 
@@ -218,7 +218,7 @@ def _fitted(summaries: Sequence[UnitStatistics], start: Start, pool: PopulationM
 
 
 def _fit(units: NormalEquations, population: Population, group: NDArray[np.intp], main: Posterior) -> dict[str, Array]:
-    """What each unit leaves, and how far it lies from the population."""
+    """Misfit of each unit, and its distance from the population."""
     scale = population.variance_degC2 * population.correlation_s
     distance, freedom = deviance(units.H / scale, units.g / scale, *population.prior(group))
     return {

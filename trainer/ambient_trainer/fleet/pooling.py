@@ -1,8 +1,8 @@
 """Partial pooling of linear-Gaussian units, from normal equations alone (empirical Bayes).
 
-    y_u = Z_u c_u + noise,    c_u ~ N(mean, between),    information L_u = Z'Z / (variance * memory)
+    y_u = Z_u c_u + noise,    c_u ~ N(mean, between),    information L_u = Z'Z / (variance * tau)
 
-``memory`` is the autocorrelation time of the noise: so much time counts as one sample. Mean and between-unit covariance
+``tau`` is the autocorrelation time of the noise: so much time counts as one sample. Mean and between-unit covariance
 maximise the marginal likelihood by expectation-maximisation (Dempster, Laird and Rubin, J. R. Stat. Soc. B 39(1),
 1977). A unit that lies far outside, or leaves far more than others, loses its weight (a redescending M-estimator: Huber
 and Ronchetti, Robust Statistics, 2009, section 4.8), so that a broken one does not bend them. Groups of units are one
@@ -23,7 +23,7 @@ from scipy import stats
 from ambient_trainer.data.trace import Array
 
 _WIDE = 3.0
-"""A unit counts in full up to so many times the square that is expected of it: 5e-5 of normal ones lie beyond."""
+"""Ratio of squared to expected deviation up to which a unit has full weight: 5e-5 of normal units exceed it."""
 _ROUNDS = 60
 _START_DEGC2 = 0.02
 _LEAST_DEGC2 = 1e-4
@@ -31,7 +31,7 @@ _COUNTS_AS = 2.0
 """Units that the prior of the between-unit covariance counts as."""
 _RIDGE = 1e-9
 _WORSE, _SURE = 1.05, 3.0
-"""What is one's own must not make the error so many times the population's, at so many standard deviations."""
+"""Bound on a unit's error by its own data, relative to the population's, and standard deviations at which it holds."""
 _QUARTILES_APART = 1.349
 """Of a standard normal number."""
 
@@ -117,13 +117,13 @@ class Population:
         return known, self.between
 
     def posterior(self, units: NormalEquations, group: NDArray[np.intp]) -> Posterior:
-        """What each unit is after its own log."""
+        """Posterior of each unit given its own log."""
         scale = self.variance_degC2 * self.correlation_s
         mean, between = self.prior(group)
         return posterior(units.H / scale, units.g / scale, mean, between)
 
     def bounded_shrinkage(self, post: Posterior) -> tuple[Posterior, Array]:
-        """Posteriors drawn towards the population as far as does no harm, and the share of its own that each keeps.
+        """Bounded shrinkage: posteriors shrunk to the population until no harm is likely, and the share each keeps.
 
         Coordinates are white over the population's use: where a unit's truth is t ~ N(a, V) from the population's
         mean, keeping a share w of a changes its mean square error by w^2 a'a - 2 w a't. The share is the largest whose
@@ -140,7 +140,7 @@ class Population:
 
     @property
     def summary(self) -> dict[str, float]:
-        """From how many units it was learnt, and deviations: of what no gains explain, and between units of a group."""
+        """Number of units it was estimated from, and standard deviations: of the residual and between units."""
         noise, between = np.sqrt([self.variance_degC2, np.trace(self.between)]).tolist()
         errors = {"noise_degC": noise, "between_units_degC": between}
         return {"learnt_from": self.units, "memory_s": self.correlation_s, **errors}

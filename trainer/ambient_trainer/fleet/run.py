@@ -38,7 +38,7 @@ _STARTS_A_TASK = 2
 _LEARNT_FROM = 500
 """Units of the reduction: more change the between-unit covariance by less than a unit's own log does."""
 _LONGEST = 100
-_MEMORY_PERCENT = 75
+_CORRELATION_PERCENT = 75
 
 
 @dataclass(frozen=True)
@@ -166,11 +166,11 @@ def _pooled_model(summaries: Stage, start: Start, question: Question) -> Populat
     if brief["reason"].isna().sum() < FEWEST:
         raise too_few(question.path, zip(brief["unit"], brief["reason"]))
     brief = brief[brief["reason"].isna()]
-    by_memory = brief.sort_values("memory_s", kind="stable")
-    share = by_memory["seconds"].cumsum().to_numpy() / brief["seconds"].sum()
+    by_time = brief.sort_values("memory_s", kind="stable")
+    share = by_time["seconds"].cumsum().to_numpy() / brief["seconds"].sum()
     # a short log shows less memory than there is: the least is that of an error that decays as the device does, whose
     # autocorrelation exp(-t/T) has the integral 2 T
-    measured_s = float(by_memory["memory_s"].iloc[np.searchsorted(share, _MEMORY_PERCENT / 100)])
+    measured_s = float(by_time["memory_s"].iloc[np.searchsorted(share, _CORRELATION_PERCENT / 100)])
     correlation_s = max(measured_s, 2 * start.spaces[MAIN].slowest_s)
     if len(brief) > _LEARNT_FROM:
         evenly = brief.sort_values("group", kind="stable").iloc[np.arange(_LEARNT_FROM) * len(brief) // _LEARNT_FROM]

@@ -32,7 +32,7 @@ _LEAST_RMS_DEGC = 1e-3
 """A direction in which the population's regressors move less says nothing of any unit."""
 _WEAK_DEGC = 0.5
 """The standard deviation of the weak prior under which a unit's residuals are looked at."""
-_NOISE_DEGC2, _MEMORY_S = 0.1, 100.0
+_NOISE_DEGC2, _CORRELATION_S = 0.1, 100.0
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Space:
         cut_up = (NormalEquations.of_samples(Z[:, index], r[index], weight_s[index]) for index in cut)
         blocks = NormalEquations.stacked(cut_up)
         # of the noise: what a unit's own weakly regularised least squares leave
-        whole, scale = blocks.total(), _NOISE_DEGC2 * _MEMORY_S
+        whole, scale = blocks.total(), _NOISE_DEGC2 * _CORRELATION_S
         own = np.linalg.solve(whole.H / scale + np.eye(len(Z)) / _WEAK_DEGC**2, whole.g / scale)
         return blocks, autocorrelation_time(r - own @ Z) * float(weight_s[0])
 
