@@ -41,26 +41,26 @@ from ambient_trainer.evaluation.black_box import black_box_rmse_degC
 
 FEWEST_SAMPLES = 100
 _ROUNDING_DEGC = 0.051
-"""Two instruments differ by more at some time; a column and its copy with one decimal do not."""
+"""Maximum difference between a column and its copy rounded to one decimal."""
 _MIN_MISFIT_SHARE, _MIN_EXPLAINABLE_SHARE = 0.1, 0.35
-"""A misfit is significant where it is so much of a sensor's deviation, and a black box with the same inputs explains so
-much of it, or no more than so much of it is noise."""
+"""Minimum share of a misfit in a sensor's deviation, minimum share that a black box with the same inputs explains, or
+maximum share of noise in it, for the misfit to be significant."""
 _MIN_SD_DEGC, _MAX_WORST, _MIN_EXPLAINED = 0.3, 0.5, 0.5
 _MAX_ANY, _MAX_OVERALL, _HALF = 0.9, 0.45, 0.5
 _LEAST_DEGC = 0.05
-"""What a step gains where nothing is known of a sensor's noise: a measured tank that only cools bends by less."""
+"""Minimum gain of a step where a sensor's noise is unknown: a measured tank that only cools deviates by less."""
 _MAX_WHITE_SHARE = 0.7
-"""Of what is left, by how much it changes from sample to sample: a half in a measured house, all of it in noise."""
+"""Maximum share of white noise in a residual: it is a half in a measured house, and one in noise."""
 _MOST_MISFIT, _MOST_OF_A_LARGE_MISFIT = 2.0, 4.0
-"""Times what known-good records leave: below the one a change is described, beyond the other it is not."""
+"""Ratios to the error on known-good records: below the first a change is explained, above the second it is not."""
 _SLOW_FRAC = 1.0 / 3.0
-"""Of the record: a mass that is slower is a boundary of unknown temperature."""
+"""Share of the record's length; a slower mass is a boundary of unknown temperature."""
 _MAX_RISE_DEGC = 20.0
-"""No room is so much warmer than its log says."""
+"""Maximum error of a logged room temperature."""
 _MIN_RATIO = 0.5
-"""Of the largest rise, what the least has to be where a warmer room may be behind both."""
+"""Minimum ratio of the smallest to the largest temperature rise where a warmer room may explain both."""
 _MIN_JOINT_GAIN = 0.3
-"""Of the held-out error's logarithm, with what a model assumes: what was found together by more is taken."""
+"""Minimum gain in penalised log error for causes found jointly to replace the steps."""
 _SHORTEST = 5
 """Samples; a shorter stretch between gaps says where it began, and little else."""
 
@@ -151,7 +151,7 @@ def diagnose_changed(
 
 
 def _reads_a_sensor(bare: Fitted) -> bool:
-    """Whether the ambient is what one sensor reads, but for noise, where known-good records have them apart.
+    """Whether the ambient equals one sensor's reading except for noise, although known-good records differ.
 
     Of a device that is off, all sensors are like that.
     """
@@ -183,8 +183,8 @@ def _find_missing(circuit: Circuit, traces: Sequence[Trace], period_s: float, pr
 
 
 def _resolve_confounding(confounded: Selection, limits: Limits, progress: Progress | None) -> Selection:
-    """The steps to the same model with heat by a log first, where that is missed; else what gains without what a warmer
-    ambient does as well, where it is physics."""
+    """Resolve a confounded selection: logged heat first, where it is needed; else select among candidates that a warmer
+    ambient cannot replace, if a physical cause is found."""
     steps = steps_to(confounded.bare, confounded.final, confounded.compared.tried)
     held = [(each.chosen.mechanism, each) for each in steps if each.chosen is not None]
     # a delay of its own may follow whatever the ambient did
@@ -278,7 +278,7 @@ def _diagnosis(
 
 
 def _share(before: float, after: float, floor: float) -> float | None:
-    """How much of what can be explained is explained; None where nothing can."""
+    """Share of the explainable error that is explained; None where nothing is explainable."""
     return min((before - after) / (before - floor), 1.0) if before - floor > 0.05 * before else None
 
 
@@ -295,7 +295,7 @@ def _floor_degC(own: Sequence[Record]) -> float:
 
 
 def _has_large_misfit(bare: Fitted, floor_degC: float) -> bool:
-    """Whether what the circuit leaves is large, beside what its sensors do and what could be explained."""
+    """Whether the misfit is large compared with the sensors' deviation, and explainable."""
     if _undescribed(bare, None):
         return True
     deviation = np.sqrt(np.nanmean([np.nanvar(record.sensors) for record in bare.records]))
@@ -305,7 +305,7 @@ def _has_large_misfit(bare: Fitted, floor_degC: float) -> bool:
 
 
 def _noise_degC(fitted: Fitted) -> float:
-    """What changes from one sample to the next of what is left: a misfit with a cause is smoother."""
+    """White-noise part of the residual, from its sample-to-sample changes: a misfit with a cause is smoother."""
     steps = [np.diff(fitted.residual_degC(index), axis=1) for index in range(len(fitted.records))]
     return float(np.sqrt(np.nanmean(np.concatenate(steps, axis=1) ** 2) / 2))
 
@@ -324,7 +324,7 @@ def _much_left(fitted: Fitted, share: float | None) -> bool:
 
 
 def _left(fitted: Fitted) -> tuple[float, float]:
-    """What is left beside the deviation of what was read: at the worst sensor, and of all together."""
+    """Ratio of the residual to the readings' deviation: at the worst sensor, and over all sensors."""
     read = np.concatenate([record.sensors for record in fitted.records], axis=1)
     square, variance = np.nanmean(residuals_degC(fitted) ** 2, axis=1), np.nanvar(read, axis=1)
     worst = np.sqrt(np.max(square / np.maximum(variance, _MIN_SD_DEGC**2)))
@@ -332,7 +332,7 @@ def _left(fitted: Fitted) -> tuple[float, float]:
 
 
 def _heat_halves_error(steps: Sequence[Step]) -> bool:
-    """Whether heat, named first, takes more than half of the error: that holds whatever is left."""
+    """Whether a heat source as the first step removes more than half of the error."""
     heat = bool(steps) and steps[0].cause.name == "heat_source"
     return heat and steps[0].gain.rmse_after_degC < _HALF * steps[0].gain.rmse_before_degC
 
@@ -359,7 +359,7 @@ def _confounded(selection: Selection) -> bool:
 
 
 def _rises_degC(heat: Mechanism, fitted: Fitted) -> Array:
-    """By how much constant heat warms each of the circuit's nodes in a steady state, by the losses that do not vary."""
+    """Steady-state temperature rise of each of the circuit's nodes by constant heat, with the constant losses."""
     network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
     between, out = network.between[0], network.to_boundary[0].sum(axis=1)
     into = np.zeros(len(out))
@@ -369,7 +369,7 @@ def _rises_degC(heat: Mechanism, fitted: Fitted) -> Array:
 
 
 def _settles_in_s(mass: Mechanism, fitted: Fitted) -> float:
-    """The time constant of a body towards the ambient, by itself and through the node before it."""
+    """Time constant of a body to the ambient, directly and through its node."""
     network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
     node, body = network.index(mass.places[0]), network.index(f"{mass.places[0]}_mass")
     loss = network.to_boundary[0].sum(axis=1)

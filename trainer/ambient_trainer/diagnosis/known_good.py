@@ -21,7 +21,7 @@ from ambient_trainer.diagnosis.greybox.stepwise import Progress, bare_fit, stepw
 from ambient_trainer.diagnosis.record import Record, records_of
 
 _FINEST_DEGC = 1e-3
-"""No instrument is better."""
+"""Minimum noise of a sensor."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class KnownGood:
         return simulate(self.model, record, self.model.z()[None], start[None])[0]
 
     def bare_fit(self, records: Sequence[Record]) -> Fitted:
-        """The circuit on other records, held by the known-good ones."""
+        """Fit of the circuit to other records, with the known-good ones as prior."""
         found = fit(self.model, records, prior=self.prior)
         assert found is not None, "what was fitted can be simulated"
         return found.refitted()
@@ -69,7 +69,7 @@ def train_on_baselines(
 
 
 def _drop_slow_masses(fitted: Fitted) -> Fitted:
-    """Without bodies slower than the records, and what acts on them: each would take up whatever has changed since."""
+    """Remove masses slower than the records, and what acts on them: each would absorb later changes."""
     model = fitted.model
     slow = next((index for index, each in enumerate(model.mechanisms) if each.slow), None)
     if slow is None:

@@ -137,7 +137,7 @@ def _initialised(parts: TaskResults, question: Question, listed: Sequence[Entry]
     """
 
     def died(_: Effort) -> None:
-        raise refuse(question.path, "", "the worker that began the population died", "give the workers more memory")
+        raise refuse(question.path, "", "the worker that fitted the population died", "give the workers more memory")
 
     longest = sorted(listed, key=lambda each: (each.fault is not None, -each.rows, each.unit))
     effort = question.effort
@@ -168,7 +168,7 @@ def _pooled_model(summaries: Stage, start: Start, question: Question) -> Populat
     brief = brief[brief["reason"].isna()]
     by_time = brief.sort_values("memory_s", kind="stable")
     share = by_time["seconds"].cumsum().to_numpy() / brief["seconds"].sum()
-    # a short log shows less memory than there is: the least is that of an error that decays as the device does, whose
+    # a short log shows too little autocorrelation: the least is that of an error that decays as the device does, whose
     # autocorrelation exp(-t/T) has the integral 2 T
     measured_s = float(by_time["memory_s"].iloc[np.searchsorted(share, _CORRELATION_PERCENT / 100)])
     correlation_s = max(measured_s, 2 * start.spaces[MAIN].slowest_s)
@@ -217,7 +217,7 @@ def _diagnosed(parts: TaskResults, found: FleetFit, question: Question, listed: 
     if not worst:
         return found.outliers
     good, rest = [places[unit] for unit in outliers.typical(found.table)], (question.source, question.forward)
-    learning = Tasks(outliers.learn_typical, [[good]], rest, lambda _: "the worker that learnt typical units died")
+    learning = Tasks(outliers.learn_typical, [[good]], rest, lambda _: "the worker that fitted typical units died")
     ((known,),) = parts.stage("typical", "learning typical units", learning).results()
     died, wanted = partial(outliers.undiagnosed, reason="its worker died"), [[places[unit]] for unit in worst]
     job = Tasks(outliers.diagnose_units, wanted, (question.source, known), died)

@@ -19,7 +19,7 @@ from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, assumed, id
 
 _HEATING = (*WARMING, "_frac", "_on", "_lux", "_A^2")
 _MOST_NUMBERS, _SAMPLES_PER_NUMBER = 40, 10
-"""With more numbers, or fewer samples to each, a fit of everything says nothing, and takes long."""
+"""Maximum number of parameters, and minimum samples per parameter, of a joint fit."""
 _STARTED, _LAGS = 0.3, (1, 3)
 """Of a candidate's first amount; and which of the bodies' time constants."""
 _TRIED, _MANY, _FEW = 4, 60, 20
@@ -27,7 +27,7 @@ _TRIED, _MANY, _FEW = 4, 60, 20
 
 
 def score(fitted: Fitted) -> float:
-    """The logarithm of the held-out error, and what a model takes for granted."""
+    """Logarithm of the held-out error, penalised for the model's complexity."""
     return float(np.log(fitted.held_out_rmse_degC)) + PENALTY * assumed(fitted.model)
 
 
@@ -83,7 +83,7 @@ def _fit(model: GreyBox, near: Fitted, most: int) -> Fitted | None:
 
 
 def _drop_needless(fitted: Fitted, given: int) -> Fitted:
-    """The model without amounts, and then paths and bodies, that it does as well without."""
+    """Remove amounts, then paths and bodies, whose removal does not worsen the penalised error."""
     for model in _smaller_models(fitted, given):
         without = _fit(model, fitted, _FEW)
         if without is None:
@@ -96,7 +96,7 @@ def _drop_needless(fitted: Fitted, given: int) -> Fitted:
 
 
 def _drop_unidentified(fitted: Fitted, given: int) -> Fitted:
-    """The model without what is not surely there, and bodies that begin far from all temperatures that are known."""
+    """Remove mechanisms that are not identified, and bodies that start out of the range of known temperatures."""
     apart = starts_out_of_range(fitted)
     for index, each in list(enumerate(fitted.model.mechanisms))[given:]:
         if (not identified(fitted, index) or (apart and each.adds_nodes)) and not fitted.model.carries(index):

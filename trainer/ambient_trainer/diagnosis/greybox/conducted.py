@@ -27,7 +27,7 @@ _FEW, _MANY = 10, 30
 """Steps of a fit, and of the last one."""
 _HEAT = "heat_source"
 _LESS = 0.99
-"""Of the error in sample: what an exchange leaves at most."""
+"""Maximum ratio of the in-sample error after an exchange to that before it."""
 
 
 def conducted(step: SelectionStep) -> list[SelectionStep]:
@@ -67,7 +67,7 @@ def _is_heat_at_several(mechanism: Mechanism) -> bool:
 
 
 def _grow_tree(fitted: Fitted | None, paths: Sequence[path.Path]) -> Fitted | None:
-    """With a path after the other till all that they can join is joined."""
+    """Grow a tree path by path until every place that the paths can join is joined."""
     while fitted is not None and (apart := list(_joining_sources(fitted.model, fitted.records[0], paths))):
         longer = (_fit_with(fitted, fitted.model, each) for each in apart)
         fitted = min((each for each in longer if each is not None), key=_in_sample_degC, default=None)
@@ -75,7 +75,7 @@ def _grow_tree(fitted: Fitted | None, paths: Sequence[path.Path]) -> Fitted | No
 
 
 def _exchange_sources(tree: Fitted, first: int, sources: Sequence[Mechanism]) -> Fitted:
-    """With another source in the place of one, from ``first`` on, where less is left, till none does better."""
+    """Exchange sources from ``first`` on one at a time until no exchange lowers the error."""
     for index in range(first, len(tree.model.mechanisms)):
         other = min(_swap_source(tree, index, sources), key=_in_sample_degC, default=tree)
         if _in_sample_degC(other) < _LESS * _in_sample_degC(tree):
@@ -84,7 +84,7 @@ def _exchange_sources(tree: Fitted, first: int, sources: Sequence[Mechanism]) ->
 
 
 def _swap_source(tree: Fitted, index: int, sources: Sequence[Mechanism]) -> Iterator[Fitted]:
-    """With each other source, of those that join what would be apart, in the place of one."""
+    """Fits with one source replaced by each other that keeps the tree connected."""
     without = tree.model.without(index)
     others = _joining_sources(without, tree.records[0], sources)
     others = (each for each in others if each.key != tree.model.mechanisms[index].key)
@@ -110,7 +110,7 @@ def _rivals(found: SelectionStep, step: SelectionStep, sources: Sequence[Mechani
 
 
 def _joining_sources(model: GreyBox, record: Record, sources: Sequence[Mechanism]) -> Iterator[Mechanism]:
-    """The sources that join what is not joined otherwise: a path two nodes, heat a node to its driver."""
+    """Sources that connect separate parts of the tree: a path two nodes, heat a node and its driver."""
     network = model.network(record, model.z()[None])
     heats = {each.key[2] for each in sources if each.cause == _HEAT}
     alike = (each for each in model.mechanisms if each.cause == _HEAT and each.key[2] in heats)

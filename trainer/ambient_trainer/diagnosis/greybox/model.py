@@ -18,14 +18,14 @@ from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.record import Record
 
 PRIOR_SD, FREE_SD = 3.0, 20.0
-"""Of a circuit's number a factor of twenty; of a mechanism's as good as none."""
+"""Prior of a circuit's parameter, a factor of twenty; of a mechanism's parameter, practically uninformative."""
 _WITHIN_SD = 4.0
 """Bounds that a circuit's file gives are so many standard deviations apart: they advise, and bind nothing."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number that is fitted: in ``unit``, logarithmic or a multiple of ``scale``, within physical bounds."""
+    """A parameter to be estimated: in ``unit``, logarithmic or a multiple of ``scale``, within physical bounds."""
 
     name: str
     unit: str
@@ -35,9 +35,9 @@ class Number:
     low: float = -np.inf
     high: float = np.inf
     prior_sd: float = FREE_SD
-    """Of its coordinate, about where it begins."""
+    """Prior standard deviation of its coordinate about its initial value."""
     saturates: bool = False
-    """Whether all does the same beyond its upper bound: to end there says nothing against it."""
+    """Whether its effect saturates at the upper bound, so that an estimate there is acceptable."""
 
     @property
     def z(self) -> float:
@@ -58,7 +58,7 @@ class Number:
 
     @property
     def at_bound(self) -> bool:
-        """Whether it stands at one of them."""
+        """Whether it is at one of its bounds."""
         ends = self.range_z[: 1 if self.saturates else 2]
         return any(abs(self.z - end) < 1e-6 * max(1.0, abs(end)) for end in ends)
 
@@ -69,7 +69,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """What a circuit may lack: a cause at one or several places, driven by an expression or by nothing logged."""
+    """Model extension: a cause at one or several places, driven by an expression of logged columns or unlogged."""
 
     places: tuple[str, ...]
     numbers: tuple[Number, ...]
@@ -153,27 +153,27 @@ class Mechanism:
         raise NotImplementedError
 
     def probes(self) -> Sequence[Sequence[float]]:
-        """Small values of its numbers that span what it adds to first order."""
+        """Small parameter values whose effects span its first-order effect."""
         raise NotImplementedError
 
     def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        """It with as much of each probe as a linear fit has found; None where physics forbids that."""
+        """Initialised from the amounts of its probes in a linear fit; None where those are unphysical."""
         raise NotImplementedError
 
     def native(self, circuit: Circuit) -> Circuit | None:
-        """``circuit`` with it in nodes, edges and sources; None where those cannot say it."""
+        """``circuit`` with it as nodes, edges and sources; None where those cannot express it."""
         return None
 
     def meaning(self, number: Number) -> str:
-        """What one of its numbers is, in words."""
+        """Description of one of its parameters."""
         return number.name.replace("_", " ")
 
     def stated(self, value: float) -> float:
-        """One of its numbers as people state it."""
+        """One of its parameters as it is reported."""
         return value
 
     def product(self) -> tuple[str, str, tuple[int, int]] | None:
-        """What two of its numbers, both logarithmic, make together, its unit, and which they are: that is its size."""
+        """Name, unit and factors of a product of two logarithmic parameters that is its magnitude, if any."""
         return None
 
     def sentence_tail(self) -> str:
@@ -181,12 +181,12 @@ class Mechanism:
         return ""
 
     def with_values(self, values: Sequence[float]) -> Mechanism:
-        """It with other numbers."""
+        """It with other parameter values."""
         numbers = tuple(replace(each, value=float(value)) for each, value in zip(self.numbers, values))
         return replace(self, numbers=numbers)
 
     def at_places(self, kept: Sequence[int]) -> Mechanism:
-        """It at some of its places only, each of which has as many numbers of its own."""
+        """It at some of its places only; each place has the same number of parameters."""
         count = len(self.numbers) // len(self.places)
         numbers = [number for each in kept for number in self.numbers[count * each : count * (each + 1)]]
         return replace(self, places=tuple(self.places[each] for each in kept), numbers=tuple(numbers))
@@ -207,7 +207,7 @@ class Mechanism:
 
 
 def samples_of(record: Record) -> Samples:
-    """What expressions of a record are evaluated on."""
+    """Samples of a record on which expressions are evaluated."""
     return Samples(record.signals, record.period_s)
 
 
@@ -270,7 +270,7 @@ class GreyBox:
         return replace(self, own=numbers[: len(self.own)], mechanisms=tuple(mechanisms))
 
     def span(self, index: int) -> slice:
-        """Where the numbers of one of its mechanisms stand among all."""
+        """Slice of one mechanism's parameters among all."""
         first = len(self.own) + sum(len(each.numbers) for each in self.mechanisms[:index])
         return slice(first, first + len(self.mechanisms[index].numbers))
 
@@ -283,11 +283,11 @@ class GreyBox:
         return replace(self, mechanisms=self.mechanisms[:index] + self.mechanisms[index + 1 :])
 
     def carries(self, index: int) -> bool:
-        """Whether one of its mechanisms made a body on which another one acts."""
+        """Whether another mechanism acts on a node added by one of its mechanisms."""
         return bool(self.carried(index))
 
     def carried(self, index: int) -> list[Mechanism]:
-        """What acts on the bodies that one of its mechanisms made."""
+        """Mechanisms that act on nodes added by one of its mechanisms."""
         own, mechanism = {node.name for node in self.circuit.states}, self.mechanisms[index]
         bodies = tuple(f"{place}_mass" for place in mechanism.places) if mechanism.adds_nodes else ()
         return [each for each in self.mechanisms if any(at.startswith(bodies) for at in {*each.places} - own)]

@@ -69,7 +69,7 @@ def filtered(drive, kept, before, now, first):  # type: ignore[no-untyped-def]
 
 @_compiled
 def nonlinear_response(along, kept, before, now, into, out, terms):  # type: ignore[no-untyped-def]
-    """What the terms add to the modes (P, n, N), beside active nodes at ``along`` (P, k, N) without them.
+    """Response of the modes (P, n, N) to nonlinear terms; ``along`` (P, k, N) are the active nodes without them.
 
     Exponential Runge-Kutta of order 2: predicted with the heat of the sample before, corrected with what follows.
     ``into`` (P, n, k) takes heat to modes, ``out`` (P, k, n) modes to nodes. All is one loop: a call that is given the
@@ -126,7 +126,7 @@ def nonlinear_response(along, kept, before, now, into, out, terms):  # type: ign
 
 
 def heat_along_trajectory(degC: Array, terms: Terms) -> Array:
-    """The heat (P, k, N) of all lanes along temperatures (k, N): each a mode of its own that answers at once."""
+    """Heat (P, k, N) of all lanes along temperatures (k, N): each node is a mode that responds at once."""
     lanes, nodes, samples = terms.known.shape
     along = np.repeat(degC[None], lanes, axis=0)
     at_once, never, itself = np.ones((lanes, nodes)), np.zeros((lanes, nodes)), np.tile(np.eye(nodes), (lanes, 1, 1))

@@ -19,7 +19,7 @@ from ambient_trainer.diagnosis.greybox.regression import Fitted, fit_near, simul
 
 _COARSE, _FINE, _ROUNDS = 28, 4, 2
 _SHORTEST = 5
-"""Samples that a window lasts at least."""
+"""Minimum length of a window in samples."""
 _TIMES, _REFITTED, _APART = 10, 8, 0.4
 """Times that are tried for an end of a window, steps of the fit after it, and how far a delay moves, of itself, or a
 level, of its column's range."""
@@ -75,7 +75,7 @@ def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns, closed: 
 
 
 def add_other_end(fitted: Fitted, body: Mechanism, columns: Columns) -> Mechanism:
-    """A body that comes or goes, with the best other end: going does not undo, as one that comes, what it has done."""
+    """A temporary body with its best other end, which first-order superposition does not give."""
     record = max(fitted.records, key=lambda each: each.samples)
     project, left = fitted.project_out, fitted.residual
     first, last, shortest = float(record.time_s[0]), float(record.time_s[-1]), _SHORTEST * record.period_s
@@ -159,7 +159,7 @@ def _minimise_over(
 def _best(
     acting: dict[float, Array], on: Array, off: Array, left: Array, shortest: float, begin: float, closed: bool
 ) -> tuple[float, float | None] | None:
-    """The onset of the best window, and its end (None: it lasts); not ``closed`` is open on one side."""
+    """Onset and end of the best window (None: to the end of the record); not ``closed`` is open on one side."""
     times = np.array(sorted(acting))
     C = np.concatenate([acting[each] for each in times], axis=1)
     shape = len(times), C.shape[1] // len(times)

@@ -1,7 +1,7 @@
 """Prewhitened cross-correlation tests of a series (Box and Jenkins; Haugh 1976; Ljung, ch. 16).
 
 An autoregression, its order by Akaike's criterion, leaves innovations of the series; the same filter passes over what
-it may follow, and their correlation is taken as a Student's t. A short series tells little of its autocorrelation,
+it may follow, and their correlation is taken as a Student's t. A short series says little of its autocorrelation,
 and one taken too short passes for an effect: it is taken as long as the series leaves probable.
 """
 

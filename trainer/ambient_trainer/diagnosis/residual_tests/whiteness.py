@@ -66,5 +66,5 @@ def cumulated_periodogram(series: Array, sensor: str, step_s: float, alpha: floa
     periods = f"{'longer' if found.statistic_sign < 0 else 'shorter'} than {duration(len(series) * step_s / half)}"
     usual = share(half / (len(cumulated) + 1))
     if_significant = f"half of the residual's power is at periods {periods}; for white noise it is {usual}"
-    if_not = "the residual's power is spread evenly over all periods, as in white noise"
+    if_not = "the residual's power is distributed evenly over all periods, as in white noise"
     return Tested.of("periodogram", sensor, if_significant, if_not, found.statistic, threshold)
