@@ -24,7 +24,7 @@ class Exponent(InProportion):
     typical_degC: tuple[float, ...] = ()
 
     cause = "convection_law"
-    noun = "a heat loss that is nonlinear in the difference to the ambient"
+    noun = "a heat loss not proportional to the difference to the ambient"
     step = 0.02
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
