@@ -73,7 +73,7 @@ def _clashes(settings: Settings) -> list[str]:
     paths = [os.path.realpath(each.path) for each in created(settings.publish, settings.state)]
     given = [settings.source, settings.model, *([settings.reference.path] if settings.reference else [])]
     read = {os.path.realpath(each) for each in given}
-    twice = {f"{path} stands twice" for path in paths if paths.count(path) > 1}
+    twice = {f"{path} is duplicated" for path in paths if paths.count(path) > 1}
     return sorted(twice | {f"{path} is what the daemon reads" for path in paths if path in read})
 
 
@@ -158,7 +158,7 @@ def _refuse_tricks(node: Any, seen: set[int]) -> None:
 def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     double = first_double([name for name, _ in pairs])
     if double is not None:
-        raise ValueError(f"key {shown(double)} stands twice in one mapping")
+        raise ValueError(f"key {shown(double)} is duplicated in one mapping")
     return dict(pairs)
 
 

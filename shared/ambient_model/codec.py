@@ -156,7 +156,7 @@ def _quantiles_data(quantiles: Quantiles) -> dict[str, Band]:
 def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        raise ValueError(f"key {shown(first_double([name for name, _ in pairs]))} stands twice in one object")
+        raise ValueError(f"key {shown(first_double([name for name, _ in pairs]))} is duplicated in one object")
     return found
 
 
@@ -318,7 +318,7 @@ class _Reading:
         states = tuple(self.text(where, each) for where, each in self.each(named, data.get("states"), _MOST_STATES))
         for what, names in ((given, [each.name for each in inputs]), (named, list(states))):
             for name in sorted({name for name in names if name and names.count(name) > 1}):
-                self.fault(what, f"{name!r} stands twice", "each needs a name of its own")
+                self.fault(what, f"{name!r} is duplicated", "each needs a name of its own")
         if not inputs:
             self.fault(given, "none", "a model reads at least one sensor")
         discrete = self.discretes(_join(place, "discrete"), data.get("discrete"), len(states), len(inputs))
@@ -351,7 +351,7 @@ class _Reading:
 
     def once(self, place: str, periods: list[float]) -> None:
         for period_s in sorted({period_s for period_s in periods if period_s > 0 and periods.count(period_s) > 1}):
-            self.fault(place, f"period {period_s:g} s stands twice", "keep one")
+            self.fault(place, f"period {period_s:g} s is duplicated", "keep one")
 
     def discrete(self, place: str, value: Any, states: int, inputs: int) -> Discrete:
         before = len(self.faults)
@@ -404,7 +404,7 @@ class _Reading:
             data = self.record(place, each, ("without", *_ESTIMATOR_KEYS))
             without = self.text(f"{place}.without", data.get("without"))
             if without and without in found:
-                self.fault(f"{place}.without", f"{without!r} stands twice", "keep one")
+                self.fault(f"{place}.without", f"{without!r} is duplicated", "keep one")
             found[without] = self.estimator(place, data)
         return found
 

@@ -208,7 +208,7 @@ def _check_names(source: str, place: str, names: Sequence[str]) -> None:
                 source, place, f"column {name!r} holds a comma, a quote or a control character", "rename it without"
             )
     if (double := first_double(names)) is not None:
-        raise refuse(source, place, f"column {double!r} stands twice", "rename or remove one")
+        raise refuse(source, place, f"column {double!r} is duplicated", "rename or remove one")
 
 
 def write_trace(

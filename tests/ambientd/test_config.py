@@ -101,7 +101,7 @@ publish:
         ("model: a\nrate_hz: true\n", "c.yaml", "rate_hz: is True"),
         ("model: a\nrate_hz: .nan\n", "c.yaml", "rate_hz: is nan"),
         ("model: a\npublish: []\n", "c.yaml", "publish: is []"),
-        ("model: a\npublish: ['status:/x/../s']\nstate: {path: /s}\n", "c.yaml", "publish: /s stands twice"),
+        ("model: a\npublish: ['status:/x/../s']\nstate: {path: /s}\n", "c.yaml", "publish: /s is duplicated"),
         ("model: a\npublish: ['status:a']\n", "c.yaml", "a is what the daemon reads"),
         ("model: a\nstate: /s\n", "c.yaml", "state: is '/s'"),
         ("model: a\nstate: {path: /s, max_age_s: 0}\n", "c.yaml", "state.max_age_s: is 0"),

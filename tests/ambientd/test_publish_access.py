@@ -38,7 +38,7 @@ access: {{mode: "0640", owner: {ME}, group: "{MINE}"}}
     specs = [Spec("stdout"), Spec("status", "/s")]
     assert [spec.access for spec in publishing_to(settings, specs).publish] == [Access(), common]
     assert settings_for_model("m").access == Access()
-    assert "/s stands twice" in str(refused(publishing_to, settings, [*specs, Spec("file", "/./s")]))
+    assert "/s is duplicated" in str(refused(publishing_to, settings, [*specs, Spec("file", "/./s")]))
 
 
 @pytest.mark.parametrize("written", ["0640", "640", "416", "0o1777", "'1777'", "'64'", "'0648'", "rw", "[6]", "''"])

@@ -13,7 +13,7 @@ import yaml
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.collect import Job, collect
 from ambient_trainer.laboratory.messages import DEVICE, MULTIPLEXER, Clock, Sample
-from ambient_trainer.laboratory.run import Run, Supervision
+from ambient_trainer.laboratory.run import CampaignRun, Supervision
 from ambient_trainer.laboratory.simulation import simulated_laboratory
 from ambient_trainer.simulator.scenario import scenario_path
 from breaking import distort
@@ -48,7 +48,7 @@ def test_lateness(benchmark, write, tmp_path, noted, slow, others) -> None:
             job = Job(there.loaded, str(tmp_path / "trace.csv"), 1.0, True, there.environment)
             late = [getattr(there, slow)] * 200 if slow != "none" else []
 
-            def slow_down(run: Run) -> None:
+            def slow_down(run: CampaignRun) -> None:
                 """From the first look on, which is the beginning."""
                 while late:
                     distort(late.pop(), bytes, SLOW_S)

@@ -39,7 +39,7 @@ parameters:
 def bench():
     with pytest.MonkeyPatch.context() as patch:
         # what a circuit lacks besides is found by the search, which has tests of its own, and takes long
-        patch.setattr("ambient_trainer.diagnosis.known_good.lasting_candidates", lambda scene, columns_of: iter(()))
+        patch.setattr("ambient_trainer.diagnosis.known_good.permanent_candidates", lambda context, columns_of: iter(()))
         return train(parse_circuit(CIRCUIT, "tiny.yaml"), baselines(1, scenarios=(SCENARIO, SCENARIO)))
 
 

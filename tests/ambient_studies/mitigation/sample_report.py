@@ -9,7 +9,7 @@ from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model
 from ambient_studies.mitigation.comparison import Comparison
 from ambient_studies.mitigation.governor import Identified
-from ambient_studies.mitigation.loop import Record
+from ambient_studies.mitigation.loop import LoopLog
 from ambient_studies.mitigation.report import report_of
 from ambient_studies.mitigation.setting import Case, Knowledge, Room, Setting
 from ambient_trainer.lti import StateSpace
@@ -37,7 +37,7 @@ def constant_model(estimate_degC: float, sensor: str = "usb") -> Model:
     return Model("constant", "2024-01-01T00:00:00Z", "ambient_degC", estimator, {}, {}, conformance)
 
 
-def record_of(knowledge: Knowledge, watts: float, skin_degC: float, error_degC: float | None = None) -> Record:
+def record_of(knowledge: Knowledge, watts: float, skin_degC: float, error_degC: float | None = None) -> LoopLog:
     """Five minutes idle at 99 degC and 50 W, then 10 min of work: skin at 30 degC, ``skin_degC`` in the last two."""
     time_s = np.arange(-300.0, 600.0)
     skin = np.where(time_s < 0, 99.0, np.where(time_s < 480, 30.0, skin_degC))
@@ -45,10 +45,10 @@ def record_of(knowledge: Knowledge, watts: float, skin_degC: float, error_degC: 
     air = np.full(900, 20.0)
     estimate = np.full(900, np.nan) if error_degC is None else air + error_degC
     trusted = np.full(900, error_degC is not None)
-    return Record(Case(Room((20.0,)), 1, knowledge), time_s, air, skin, power_W, air, estimate, trusted)
+    return LoopLog(Case(Room((20.0,)), 1, knowledge), time_s, air, skin, power_W, air, estimate, trusted)
 
 
-def runs(**changes: Record) -> list[Record]:
+def runs(**changes: LoopLog) -> list[LoopLog]:
     """A record for each knowledge; ``changes`` replaces some by name."""
     usual = {
         "NOTHING": record_of(Knowledge.NOTHING, 4.0, 45.0),

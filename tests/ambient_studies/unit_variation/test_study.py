@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ambient_model.model import Model
-from ambient_studies.unit_variation.study import CALIBRATION, LIE_DEGC, Plan, learnt, run_of, study
+from ambient_studies.unit_variation.study import CALIBRATION, LIE_DEGC, Plan, offsets_by_day, run_of, study
 from ambient_trainer.data import Trace
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.model_file import model_of
@@ -92,8 +92,8 @@ def test_readings_of_a_week_teach_units_their_offset_and_a_liar_none(done, free_
     quiet = Trace("day", time_s, {**columns, "ambient_degC": np.full(len(time_s), 21.0)})
     error = evaluate_trace(free_model, quiet).error_degC[-1]
     lower = replace(quiet, columns={**quiet.columns, "ambient_degC": quiet.reference - error + 0.8})
-    assert 0.3 < learnt(free_model, 1, 1, [lower] * 7)[-1].offset_degC < 1
-    assert {each.offset_degC for each in learnt(free_model, 1, 1, [lower] * 7, LIE_DEGC)} == {0.0}
+    assert 0.3 < offsets_by_day(free_model, 1, 1, [lower] * 7)[-1].offset_degC < 1
+    assert {each.offset_degC for each in offsets_by_day(free_model, 1, 1, [lower] * 7, LIE_DEGC)} == {0.0}
     for unit in done.units:
         for score in unit.scores:
             assert score.learnt_bias_degC == pytest.approx(score.bias_degC - unit.learnt_offset_degC)

@@ -51,7 +51,7 @@ WRONG = [
     (_GOOD + 'notes: {a: "b\\nc"}', "notes", "one line"),
     (_GOOD + "decimal: ','", "", "both delimiter and decimal"),
     (_GOOD + "encoding: cp99", "encoding", "'cp99'"),
-    (_GOOD + "  usb_degC: U\n", "line 4, column 3", "'usb_degC' stands twice"),
+    (_GOOD + "  usb_degC: U\n", "line 4, column 3", "'usb_degC' is duplicated"),
     ("time: [", "line 1, column 8", "not YAML"),
 ]
 

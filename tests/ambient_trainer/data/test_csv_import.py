@@ -136,7 +136,7 @@ WRONG = [
     ("t,a\n0,1\n1,1\n", {"drop_rows": {"a": [1]}}, "", "2 dropped since the map's 'drop_rows'"),
     ("t,a\nx,1\n1,y\nnan,1\n", {"bad_rows": "drop"}, "", "3 dropped since they cannot be read"),
     ("t,b\n0,1\n", {}, "columns.a_degC.from", "line 1 has t, b"),
-    ("t,a,a\n0,1,2\n", {}, "columns.a_degC.from", "'a' stands twice"),
+    ("t,a,a\n0,1,2\n", {}, "columns.a_degC.from", "'a' is duplicated"),
     ("t,a\n0,1\n1\n", {}, "line 3", "1 cells where the header has 2"),
     ("t,a\n0,1\n\n1,warm\n", {}, "line 4, column a", "'warm'"),
     ('t,a\n0,"1,5"\n', {}, "line 2, column a", "decimal comma"),

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from ambient_trainer.api.diagnosing import DiagnosisResult
-from ambient_trainer.diagnosis.diagnose import _misfits
+from ambient_trainer.diagnosis.diagnose import _has_large_misfit
 from ambient_trainer.diagnosis.figures import driving
-from ambient_trainer.diagnosis.findings import _confidence, _numbers, _rival
-from ambient_trainer.diagnosis.greybox.choice import Step
+from ambient_trainer.diagnosis.findings import _confidence, _is_rival, _numbers
+from ambient_trainer.diagnosis.greybox.choice import SelectionStep
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.coupling import ZoneLoss
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
@@ -51,7 +51,7 @@ def sure(chosen: Trial, *others: Trial, also: Sequence[Trial] = ()) -> float:
     """The confidence in a trial beside others, where the final model holds it, and what else it holds."""
     model = SimpleNamespace(mechanisms=[each.mechanism for each in (chosen, *also)])
     before = SimpleNamespace(held_out_rmse_degC=2.0, model=SimpleNamespace(mechanisms=model.mechanisms[1:]))
-    step = Step(before, chosen, (chosen, *others), 1)
+    step = SelectionStep(before, chosen, (chosen, *others), 1)
     return _confidence(step, chosen, SimpleNamespace(model=model, records=chosen.fitted.records))
 
 
@@ -68,7 +68,7 @@ def test_who_is_a_rival_another_driver_unless_it_is_there_too_or_goes_along_all_
     assert sure(chosen, *alike) > 0.9
     assert sure(chosen, *alike, load) < 0.5
     assert sure(chosen, *alike, load, also=[load]) > 0.9
-    rivals = [each.mechanism.driver.text for each in (*alike, load) if _rival(each, chosen)]
+    rivals = [each.mechanism.driver.text for each in (*alike, load) if _is_rival(each, chosen)]
     assert rivals == ["lamp_lux^2", "twin_lux"]
 
 
@@ -137,7 +137,7 @@ def test_the_rest_of_what_is_there_is_no_rival():
     before = SimpleNamespace(held_out_rmse_degC=2.0, model=SimpleNamespace(mechanisms=[first]))
     for held, told in ((heat("one_frac", board=(1, 1), lid=(1, 1)), True), (first, False)):
         final = SimpleNamespace(model=SimpleNamespace(mechanisms=[chosen.mechanism, held]), records=records)
-        assert (_confidence(Step(before, chosen, (rest, chosen), 1), chosen, final) > 0.9) == told
+        assert (_confidence(SelectionStep(before, chosen, (rest, chosen), 1), chosen, final) > 0.9) == told
 
 
 BODY = Number("G_board_mass", "W/K", 1.0, log=True), Number("lag_board_mass", "s", 9.0, log=True)
@@ -156,7 +156,7 @@ def test_constant_heat_is_not_told_from_an_offset_of_its_sensor():
     chosen, offset = tried(heat(None, lid=(1, 1))), tried(Bias(("lid",), (Number("bias_lid", "degC", 1.0),)))
     assert sure(chosen) > 0.9
     assert sure(chosen, offset) < 0.6
-    assert _rival(offset, chosen)
+    assert _is_rival(offset, chosen)
 
 
 @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ def test_a_large_smooth_misfit_is_no_none_although_a_black_box_leaves_as_much():
         bare = SimpleNamespace(
             records=[record], residual_degC=lambda index: residual[None], held_out_rmse_degC=rmse, rmse_degC=rmse
         )
-        return _misfits(bare, floor_degC=rmse)
+        return _has_large_misfit(bare, floor_degC=rmse)
 
     time = np.arange(500)
     assert misfits(0.6 * np.sin(time / 40))

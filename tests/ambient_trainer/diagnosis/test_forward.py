@@ -49,5 +49,5 @@ def test_no_capacity_is_refused():
 def test_no_way_out_is_refused():
     circuit = load_circuit(str(RISE))
     closed = tuple(edge for edge in circuit.edges if not {"ambient", "chip"} & set(edge.between))
-    with pytest.raises(Refused, match="nothing is prescribed"):
+    with pytest.raises(Refused, match="no temperature is prescribed"):
         forward(replace(circuit, nodes=circuit.states, edges=closed))

@@ -5,8 +5,8 @@ import pytest
 from scipy import stats
 from scipy.signal import lfilter
 
-from ambient_trainer.diagnosis.residual_tests import residual_memory_s, residual_tests
-from ambient_trainer.diagnosis.residual_tests.prewhitening import Largest, follows, shifted, whitening
+from ambient_trainer.diagnosis.residual_tests import correlation_s, residual_tests
+from ambient_trainer.diagnosis.residual_tests.prewhitening import Largest, correlated, shifted, whitening
 from ambient_trainer.diagnosis.residual_tests.whiteness import cumulated_periodogram, ljung_box
 
 WHITENESS = {"whiteness", "periodogram", "memory"}
@@ -174,18 +174,18 @@ def test_the_periodogram_is_kolmogorovs(samples):
     oracle = stats.ks_1samp(np.cumsum(power)[:-1] / np.sum(power), stats.uniform.cdf)
     assert said.statistic == pytest.approx(oracle.statistic)
     assert said.significant == (oracle.pvalue < 0.05)
-    assert "swings slower than" in said.sentence
+    assert "periods longer than" in said.sentence
 
 
 def test_memory_is_the_time_to_one_over_e():
     series = remembering(np.exp(-1 / 20), (200_000,), np.random.default_rng(4))
-    assert residual_memory_s(5.0 * np.arange(1200), series[:1200]) == pytest.approx(100.0, rel=0.2)
+    assert correlation_s(5.0 * np.arange(1200), series[:1200]) == pytest.approx(100.0, rel=0.2)
 
 
 def test_a_long_residual_is_tested_by_means():
     time_s = np.arange(5000.0)
     values = np.sin(time_s / 300)
-    assert residual_memory_s(time_s, values) == pytest.approx(residual_memory_s(time_s[::5], values[::5]), rel=0.01)
+    assert correlation_s(time_s, values) == pytest.approx(correlation_s(time_s[::5], values[::5]), rel=0.01)
 
 
 def test_what_is_followed_is_a_regression_of_what_is_whitened():
@@ -194,7 +194,7 @@ def test_what_is_followed_is_a_regression_of_what_is_whitened():
     course, whiten = remembering(0.5, (1200,), random), whitening(series)
     innovations = np.convolve(series, whiten, "valid")
     assert not ljung_box(innovations, "", 0.01).significant
-    largest, _, _ = follows(series, whiten, course[None])
+    largest, _, _ = correlated(series, whiten, course[None])
     oracle = stats.linregress(np.convolve(course, whiten, "valid"), innovations)
     assert stats.t.sf(largest.t, largest.free) == pytest.approx(oracle.pvalue / 2, rel=0.05)
     assert Largest(0.0, 4, 10**6).threshold(0.05) == pytest.approx(stats.norm.isf(0.05 / 8), rel=1e-4)

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from ambient_trainer.estimation.search import descend
-from ambient_trainer.estimation.structure import Evaluation
+from ambient_trainer.estimation.structure import Projection
 
 INF = np.inf
 
@@ -17,7 +17,7 @@ def _descend(residual, jacobian, start, low=-INF, high=INF, most=400):
 
     def evaluate(point):
         asked.append(point.copy())
-        return Evaluation(residual(point), jacobian(point))
+        return Projection(residual(point), jacobian(point))
 
     low, high = (np.broadcast_to(each, start.shape).astype(float) for each in (low, high))
     return descend(evaluate, start, low, high, most), np.array(asked)

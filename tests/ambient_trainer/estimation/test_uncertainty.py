@@ -11,7 +11,7 @@ from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.search import Solution, search
-from ambient_trainer.estimation.uncertainty import residual_memory, residuals, uncertainty
+from ambient_trainer.estimation.uncertainty import autocorrelation_time, residuals, uncertainty
 
 from ..conftest import in_air, response_of, rise_inputs, truth_of
 
@@ -101,7 +101,7 @@ def test_a_second_sensor_that_errs_as_the_first_says_nothing_more():
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.9, 0.97])
 def test_the_memory_of_an_autoregression(phi):
     """(1 + phi)/(1 - phi), the sum of phi^|lag| over all lags."""
-    found = [residual_memory(_noise(np.random.default_rng(seed), (1, 20000), phi)[0]) for seed in range(10)]
+    found = [autocorrelation_time(_noise(np.random.default_rng(seed), (1, 20000), phi)[0]) for seed in range(10)]
     assert np.mean(found) == pytest.approx((1 + phi) / (1 - phi), rel=0.12)
 
 

@@ -31,7 +31,7 @@ def samples() -> dict[str, Report]:
     training = replace(several[1], overlaps_training=True, trace=HOSTILE)
     line = load_circuit("linear_usb")
     fit = CircuitEstimator(line).fit([sensor_trace(300)], Effort(starts=1))
-    contender = compare.Contender(fit, model, several[1], several[0])
+    contender = compare.ScoredFit(fit, model, several[1], several[0])
     return {
         "evaluation": report_of(model, several),
         "evaluation on training data": report_of(model._replace(name=HOSTILE), [training]),

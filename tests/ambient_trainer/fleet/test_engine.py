@@ -126,7 +126,7 @@ def test_a_connection_that_is_cut_is_made_anew(many, expected, tmp_path):
         relay = Relay(int(address.rpartition(":")[2]))
 
         def cut(what, done, total):
-            if what.startswith("looking") and done == 2 and not cuts:
+            if what.startswith("summarising") and done == 2 and not cuts:
                 cuts.append(what)
                 relay.cut()
 
@@ -155,7 +155,7 @@ def test_two_clusters_share_nothing_but_the_dataset(many, expected, tmp_path):
     """Half the run on one, the rest on another, whose folders are others and which see the dataset only."""
 
     def stop(what, done, total):
-        if what.startswith("looking") and done == 3:
+        if what.startswith("summarising") and done == 3:
             raise KeyboardInterrupt
 
     with cluster(tmp_path / "one") as (address, _, _), pytest.raises(KeyboardInterrupt):

@@ -132,7 +132,7 @@ def test_an_interrupted_run_goes_on_and_another_is_refused(fleet_units, tmp_path
 
     def stop(what, done, total):
         seen.append((what, done))
-        if what.startswith("looking") and done == 2:
+        if what.startswith("summarising") and done == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -144,11 +144,11 @@ def test_an_interrupted_run_goes_on_and_another_is_refused(fleet_units, tmp_path
     log.write_bytes(content[:-1])
     (tmp_path / "part/.parts/look-000001.pickle").write_bytes(b"")  # after a power failure
     begun = []
-    monkeypatch.setattr(fit_units, "begin", lambda *_: begun.append(1))
+    monkeypatch.setattr(fit_units, "initialise", lambda *_: begun.append(1))
     asked = {"engine": "serial", "effort": EFFORT, "progress": lambda *now: seen.append(now)}
     at.fit_fleet(logs, "free-1", tmp_path / "part", resume=True, **asked)
     assert not begun
-    assert ("looking at units", 1, 4) in seen
+    assert ("summarising units", 1, 4) in seen
     part, unbroken = (Path(each, "fleet.parquet") for each in (tmp_path / "part", whole.fitted.folder))
     assert part.read_bytes() == unbroken.read_bytes()
 

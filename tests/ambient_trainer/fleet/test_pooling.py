@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ambient_trainer.fleet.pooling import Normal, deviance, improbability, pooled, posterior
+from ambient_trainer.fleet.pooling import NormalEquations, deviance, improbability, pooled, posterior
 
 P = 3
 
@@ -19,7 +19,7 @@ def units(count, samples, seed=0, noise=0.5, between=None, mean=None, groups=Non
     Z = random.standard_normal((count, samples, P))
     y = np.einsum("unp,up->un", Z, c) + noise * random.standard_normal((count, samples))
     H, g = np.einsum("uni,unj->uij", Z, Z), np.einsum("uni,un->ui", Z, y)
-    return Normal(H, g, (y**2).sum(axis=1), np.full(count, float(samples))), c, Z, y
+    return NormalEquations(H, g, (y**2).sum(axis=1), np.full(count, float(samples))), c, Z, y
 
 
 def test_the_posterior_is_that_of_the_joint_gaussian():

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ambient_trainer.laboratory.campaign import Device, PowerSupply
+from ambient_trainer.laboratory.campaign import DeviceConfig, PowerSupply
 from ambient_trainer.laboratory.device_under_test import DeviceUnderTest, value_in
 from ambient_trainer.laboratory.messages import CLOCK_OFFSET, Clock, Disconnected, InstrumentError, NoResponse
 from ambient_trainer.laboratory.shell import Connection, Shell, connection_to
@@ -26,7 +26,7 @@ def values(device):
 @pytest.fixture
 def device_of(closed):
     def make(phone, zones=ZONES, supply=None, timeout_s=10.0, connect="adb SERIAL7", clock=None):
-        device = Device(connect=connect, root=phone.root, zones=zones, power_supply=supply, timeout_s=timeout_s)
+        device = DeviceConfig(connect=connect, root=phone.root, zones=zones, power_supply=supply, timeout_s=timeout_s)
         return closed(DeviceUnderTest(device, connection_to(connect, phone.environment), clock or Clock()))
 
     return make
@@ -133,7 +133,7 @@ def test_two_zones_of_one_type_are_refused(one_phone, device_of):
 
 @pytest.mark.parametrize(("argv", "works"), [(("no-such-program",), False), (connection_to("local").argv, True)])
 def test_this_machine_s_own_files_are_read_or_no_shell_at_all(argv, works, closed):
-    device = closed(DeviceUnderTest(Device(connect="local", zones=ZONES), Connection(argv, "local", {}), Clock()))
+    device = closed(DeviceUnderTest(DeviceConfig(connect="local", zones=ZONES), Connection(argv, "local", {}), Clock()))
     if works:
         assert set(device.read().values) == {*ZONES.values(), CLOCK_OFFSET}
     else:

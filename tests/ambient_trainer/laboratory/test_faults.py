@@ -101,7 +101,7 @@ def test_killed_at_any_moment_it_goes_on_with_the_last_scan_and_the_right_time(c
         assert collector.lines[-1] == "end stopped True"
         assert there.chamber.held_degC == SAFE_DEGC
     samples = read_journal(str(journal)).of(Sample)
-    assert len({(entry.source, entry.asked_s) for entry in samples}) == len(samples), "none stands twice"
+    assert len({(entry.source, entry.asked_s) for entry in samples}) == len(samples), "none is duplicated"
     # the phone's uptime goes on whatever happens here: what it is ahead of the run's time stays, to a period
     ahead_s = [entry.values[CLOCK_OFFSET] for entry in samples if entry.source == DEVICE]
     assert max(ahead_s) - min(ahead_s) < 1.0

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
-from ambient_trainer.laboratory.journal import Head, Journal, Record, read_journal
+from ambient_trainer.laboratory.journal import Head, Journal, JournalRecord, read_journal
 from ambient_trainer.laboratory.messages import Clock, End, Failure, Identity, LoadState, Note, Sample, StepBegan
 
 HEAD = Head("5", "ab" * 32, 1.7e9, 1.0, False)
@@ -43,7 +43,7 @@ def test_what_is_added_is_read(added):
     with tempfile.TemporaryDirectory() as folder:
         path = f"{folder}/t.csv.part"
         written(path, added, HEAD)
-        assert read_journal(path) == Record(HEAD, tuple(added))
+        assert read_journal(path) == JournalRecord(HEAD, tuple(added))
 
 
 def test_a_cut_anywhere_leaves_a_beginning_that_can_be_gone_on_with(tmp_path):
@@ -83,7 +83,7 @@ def test_a_cut_anywhere_leaves_a_beginning_that_can_be_gone_on_with(tmp_path):
     ],
 )
 def test_where_the_program_was_left(added, left):
-    assert Record(HEAD, tuple(added)).left == left
+    assert JournalRecord(HEAD, tuple(added)).left == left
 
 
 def test_a_runs_time_goes_on_in_a_suspension_and_no_stepped_calendar_moves_it_but_over_a_new_start(monkeypatch):

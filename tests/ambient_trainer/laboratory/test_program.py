@@ -7,16 +7,16 @@ from hypothesis import strategies as st
 from ambient_trainer.laboratory.campaign import ChamberLimits, Safety
 from ambient_trainer.laboratory.messages import StepBegan
 from ambient_trainer.laboratory.program import Program, SafetyLimits
-from ambient_trainer.simulator.scenario import Settle, Step
+from ambient_trainer.simulator.scenario import ScenarioStep, Settle
 
 
 def timed(minutes, degC=20.0):
-    return Step(duration_min=minutes, chamber_degC=degC)
+    return ScenarioStep(duration_min=minutes, chamber_degC=degC)
 
 
 def settling(within=1.0, drift=None, minutes=10.0, most=60.0, duration=None, degC=20.0):
     settle = Settle(within_K=within, drift_K=drift, for_min=minutes, at_most_min=most)
-    return Step(chamber_degC=degC, settle=settle, duration_min=duration)
+    return ScenarioStep(chamber_degC=degC, settle=settle, duration_min=duration)
 
 
 def run(program, until_s, ambient, zones=lambda t: {}, every_s=1.0):

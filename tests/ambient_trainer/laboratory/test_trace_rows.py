@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.collect import Grid, grid_of, laboratory_rows, signals_while, trace_rows
-from ambient_trainer.laboratory.journal import Head, Record
+from ambient_trainer.laboratory.journal import Head, JournalRecord
 from ambient_trainer.laboratory.messages import DEVICE, MULTIPLEXER, End, LoadState, Sample, StepBegan
 from ambient_trainer.simulator.scenario import scenario_path
 
@@ -26,7 +26,7 @@ def zones(asked_s, degC, delay_s=0.1, **others):
 
 
 def rows(*entries):
-    record = Record(HEAD, (FIRST, StepBegan(100.3, 1, 0.0), *entries))
+    record = JournalRecord(HEAD, (FIRST, StepBegan(100.3, 1, 0.0), *entries))
     grid = grid_of(record, CAMPAIGN)
     assert grid == Grid(100.0, 1.0)
     found = trace_rows(record, CAMPAIGN, grid).astype(object)
@@ -54,7 +54,7 @@ def test_the_middle_of_asking_and_answering_counts_and_where_it_is_not_known_the
     assert [row["soc_degC"] for _, row in found] == [None, 25.0, None, None, None, 27.0, None]
     late = scan(101.0, 20.0, 20.0, delay_s=4.0)
     assert all(row["ambient_degC"] is None for _, row in rows(late, End(106.0, "")))
-    beside = laboratory_rows(Record(HEAD, (StepBegan(0.0, 1, 0.0), late)), CAMPAIGN, Grid(100.0, 1.0))
+    beside = laboratory_rows(JournalRecord(HEAD, (StepBegan(0.0, 1, 0.0), late)), CAMPAIGN, Grid(100.0, 1.0))
     assert list(beside) == ["multiplexer_delay_s", "probe_air1_degC", "probe_air2_degC"]
     assert beside.reset_index().to_numpy().tolist() == [[3.0, 4.0, 20.0, 20.0]]
 
@@ -75,14 +75,14 @@ def test_a_stop_is_a_gap_in_which_nothing_is_known():
 
 
 def test_the_grid_begins_with_the_recording_and_has_a_row_for_each_period():
-    record = Record(HEAD, (FIRST, scan(3.0, 20.0)))
+    record = JournalRecord(HEAD, (FIRST, scan(3.0, 20.0)))
     assert grid_of(record, CAMPAIGN) is None
-    whole = Record(HEAD, (*record.entries, StepBegan(10.0, 1, 0.0)))
+    whole = JournalRecord(HEAD, (*record.entries, StepBegan(10.0, 1, 0.0)))
     beside = laboratory_rows(whole, CAMPAIGN, grid_of(whole, CAMPAIGN))
     assert beside.reset_index().to_numpy().tolist() == [[-7.0, 0.2, 20.0]]
-    record = Record(HEAD, (FIRST, StepBegan(900.4, 1, 0.0), StepBegan(2700.4, 2, 0.0), End(2712.0, "finished")))
+    record = JournalRecord(HEAD, (FIRST, StepBegan(900.4, 1, 0.0), StepBegan(2700.4, 2, 0.0), End(2712.0, "finished")))
     assert len(trace_rows(record, CAMPAIGN, grid_of(record, CAMPAIGN))) == 1800
-    record = Record(HEAD, (FIRST, StepBegan(900.0, 1, 0.0), StepBegan(5000.0, 1, 300.0), End(5100.0, "")))
+    record = JournalRecord(HEAD, (FIRST, StepBegan(900.0, 1, 0.0), StepBegan(5000.0, 1, 300.0), End(5100.0, "")))
     assert grid_of(record, CAMPAIGN) == Grid(900.0, 1.0)
 
 

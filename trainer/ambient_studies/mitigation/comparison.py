@@ -20,7 +20,7 @@ from ambient_model.trace import REFERENCE
 from ambient_model.tracking import Tracker, nearest_discrete
 from ambient_studies import Progress
 from ambient_studies.mitigation.governor import Identified
-from ambient_studies.mitigation.loop import Record, closed_loop, phone_zones, skin_degC
+from ambient_studies.mitigation.loop import LoopLog, closed_loop, phone_zones, skin_degC
 from ambient_studies.mitigation.setting import Knowledge, Room, Setting
 from ambient_trainer.data import Trace
 from ambient_trainer.estimators import Effort, Fit, FreeFilterEstimator
@@ -73,7 +73,7 @@ class Comparison:
     model: Model
     identified: Identified
     setting: Setting
-    records: tuple[Record, ...]
+    records: tuple[LoopLog, ...]
 
 
 def compare(
@@ -115,15 +115,15 @@ class Score:
     """The share of the time in which the governor used the estimate."""
 
 
-def scores(records: Sequence[Record], setting: Setting) -> list[Score]:
+def scores(records: Sequence[LoopLog], setting: Setting) -> list[Score]:
     """A score for every room and governor, in the records' order."""
-    groups: dict[tuple[Room, Knowledge], list[Record]] = {}
+    groups: dict[tuple[Room, Knowledge], list[LoopLog]] = {}
     for record in records:
         groups.setdefault((record.case.room, record.case.knowledge), []).append(record)
     device = load_device()
     standby_W = device.activities[device.idle].heat_W[device.processor.node]
 
-    def work_J(record: Record) -> float:
+    def work_J(record: LoopLog) -> float:
         return float((record.soc_W[record.time_s >= 0] - standby_W).sum()) * setting.period_s
 
     free_J = {
@@ -133,7 +133,7 @@ def scores(records: Sequence[Record], setting: Setting) -> list[Score]:
     return [_score(group, setting, float(np.mean(work))) for group, work in zip(groups.values(), shares)]
 
 
-def _score(group: Sequence[Record], setting: Setting, work_frac: float) -> Score:
+def _score(group: Sequence[LoopLog], setting: Setting, work_frac: float) -> Score:
     case, working = group[0].case, group[0].time_s >= 0
     skin = np.array([each.skin_degC[working] for each in group])
     errors = np.array([(each.estimate_degC - each.air_degC)[working] for each in group])

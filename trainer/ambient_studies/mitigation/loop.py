@@ -33,7 +33,7 @@ def skin_degC(nodes_degC: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Record:
+class LoopLog:
     """The signals of one phone, each of shape (n,); the work begins at 0 s."""
 
     case: Case
@@ -56,7 +56,7 @@ def closed_loop(
     rooms: Sequence[Room],
     seeds: Sequence[int],
     progress: Progress | None = None,
-) -> list[Record]:
+) -> list[LoopLog]:
     """A record for every room, seed and :class:`Knowledge`; raises :class:`Refused` where the phone lacks an input."""
     cases = [Case(*each) for each in itertools.product(rooms, seeds, Knowledge)]
     zones = phone_zones(model, identified.sensor)
@@ -88,7 +88,7 @@ def closed_loop(
 
     done = integrate(runs, setting.period_s, progress, control=control)
     return [
-        Record(case, time_s, run.air_degC, skin_degC(each.nodes_degC), each.processor_W, used, estimate, trusted > 0)
+        LoopLog(case, time_s, run.air_degC, skin_degC(each.nodes_degC), each.processor_W, used, estimate, trusted > 0)
         for case, run, each, (used, estimate, trusted) in zip(cases, runs, done, kept.transpose(2, 0, 1))
     ]
 

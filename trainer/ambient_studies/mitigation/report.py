@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambient_studies.mitigation.comparison import SCENARIO, Comparison, Score, scores
-from ambient_studies.mitigation.loop import Record
+from ambient_studies.mitigation.loop import LoopLog
 from ambient_studies.mitigation.setting import Knowledge, Setting
 from ambient_trainer.data import Array
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table, palette, plots
@@ -41,7 +41,7 @@ def report_of(comparison: Comparison) -> Report:
     """What the comparison shows; of each room the page draws the first seed."""
     records, setting = comparison.records, comparison.setting
     scored = scores(records, setting)
-    drawn: dict[str, dict[Knowledge, Record]] = {}
+    drawn: dict[str, dict[Knowledge, LoopLog]] = {}
     for record in records:
         if record.case.seed == records[0].case.seed:
             drawn.setdefault(record.case.room.name, {})[record.case.knowledge] = record
@@ -203,13 +203,13 @@ def _facts(comparison: Comparison) -> list[tuple[str, str]]:
     ]
 
 
-def _room_figure(by_knowledge: dict[Knowledge, Record], setting: Setting) -> go.Figure:
+def _room_figure(by_knowledge: dict[Knowledge, LoopLog], setting: Setting) -> go.Figure:
     names = {kind: name.replace("degC", "°C") for kind, name in governor_names(setting).items()}
     mine = by_knowledge[Knowledge.ESTIMATE]
     shown = mine.time_s >= -_BEFORE_S
     time_s = mine.time_s[shown]
 
-    def lines(of: Callable[[Record], Array]) -> list[plots.Line]:
+    def lines(of: Callable[[LoopLog], Array]) -> list[plots.Line]:
         return [plots.Line(names[kind], of(by_knowledge[kind])[shown], *style) for kind, style in _STYLES.items()]
 
     limit = plots.Line("limit", np.full(len(time_s), setting.limit_degC), palette.LIMIT, 1.0)

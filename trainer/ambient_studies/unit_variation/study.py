@@ -28,7 +28,7 @@ from ambient_trainer.evaluation import correction, evaluate_trace
 from ambient_trainer.simulator import (
     Planned,
     Scenario,
-    Step,
+    ScenarioStep,
     Unit,
     drawn,
     load_scenario,
@@ -43,7 +43,7 @@ CALIBRATION_DEGC = 25.0
 KNOWN_MIN, ON_BEFORE_MIN = 10.0, 30.0
 """How long the ambient is known, and how long the phone has been on by then."""
 _SETTLED, _REST = (
-    Step(duration_min=minutes, chamber_degC=CALIBRATION_DEGC) for minutes in (15.0, ON_BEFORE_MIN + KNOWN_MIN)
+    ScenarioStep(duration_min=minutes, chamber_degC=CALIBRATION_DEGC) for minutes in (15.0, ON_BEFORE_MIN + KNOWN_MIN)
 )
 _RESTING = Scenario(about=f"At rest at {CALIBRATION_DEGC:g} degC", before=(_SETTLED,), steps=(_REST,))
 
@@ -61,14 +61,14 @@ _DAY_S = 86400.0
 _LEVEL_PERCENT = 90
 
 
-class Learnt(NamedTuple):
+class Offsets(NamedTuple):
     """What a unit has learnt: the offset of its estimate, and of each sensor where the model determines them."""
 
     offset_degC: float
     sensors_degC: tuple[float, ...]
 
 
-def learnt(model: Model, number: int, seed: int, days: Sequence[Trace], lie_degC: float = 0.0) -> list[Learnt]:
+def offsets_by_day(model: Model, number: int, seed: int, days: Sequence[Trace], lie_degC: float = 0.0) -> list[Offsets]:
     """What a unit that rests has learnt after each day, one run a day.
 
     A reading at a random moment of the last ten minutes is the ambient, a normal error of ``READING_SIGMA_DEGC``, and
@@ -94,7 +94,7 @@ def learnt(model: Model, number: int, seed: int, days: Sequence[Trace], lie_degC
             variance_degC2 = unit_offset.estimate_variance_degC2(estimate, _LEVEL_PERCENT, prior.std_degC**2)
             after = unit_offset.updated(prior, state, y, READING_SIGMA_DEGC**2 + variance_degC2)
             state, sensors = (state, sensors) if after is None else (after, seen)
-        found.append(Learnt(state.offset_degC, sensors.degC))
+        found.append(Offsets(state.offset_degC, sensors.degC))
     return found
 
 
@@ -213,14 +213,14 @@ def _one(model: Model, number: int, plan: Plan, traces: Sequence[Trace]) -> Scor
     calibration, days, scored = traces[0], traces[1 : DAYS + 1], traces[DAYS + 1 :]
     found = correction.correction(model, calibration, 60 * ON_BEFORE_MIN)
     improved = correction.corrected(model, found, {"trace": CALIBRATION})
-    week = learnt(model, number, plan.seed, days)[-1]
-    lied_degC = max(abs(each.offset_degC) for each in learnt(model, number, plan.seed, days, LIE_DEGC))
+    week = offsets_by_day(model, number, plan.seed, days)[-1]
+    lied_degC = max(abs(each.offset_degC) for each in offsets_by_day(model, number, plan.seed, days, LIE_DEGC))
     groups = product(plan.scenarios, (False, True))
     scores = [_score(*group, model, improved, trace, week) for group, trace in zip(groups, scored)]
     return ScoredUnit(number, found.offsets_degC[correction.MAIN], tuple(scores), week.offset_degC, lied_degC)
 
 
-def _score(scenario: str, cased: bool, model: Model, improved: Model, trace: Trace, week: Learnt) -> Score:
+def _score(scenario: str, cased: bool, model: Model, improved: Model, trace: Trace, week: Offsets) -> Score:
     before, after = evaluate_trace(model, trace), evaluate_trace(improved, trace)
     learning = evaluate_trace(model, _without(model, trace, week.sensors_degC))
     metrics, known = learning.metrics, np.isfinite(learning.error_degC)

@@ -121,8 +121,8 @@ def fit_fleet(
     -----
     With the poles of a first fit held, :math:`y_u = Z_u c_u + e` is linear in a unit's gains :math:`c_u`. Their prior
     :math:`N(\\mu, \\Sigma)` maximises the marginal likelihood of all units (empirical Bayes: Efron and Morris, J. Am.
-    Stat. Assoc. 70, 1975), robustly weighed. A log of duration T counts as T / memory samples, as its
-    errors go together.
+    Stat. Assoc. 70, 1975), robustly weighed. A log of duration T counts as T / tau samples, tau the
+    autocorrelation time of its errors.
     """
     place = os.fspath(folder)
     path = _written(logs, by, place) if isinstance(logs, pd.DataFrame) else os.fspath(logs)

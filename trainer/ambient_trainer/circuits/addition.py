@@ -1,4 +1,4 @@
-"""What can be added to a circuit or changed in it, each as a new circuit: nothing is checked here, writing it out is.
+"""Extensions and changes of a circuit, each as a new circuit: nothing is checked here, writing it out is.
 
 What is added starts at the value given and is free; every new name is one that the circuit does not have.
 """

@@ -1,4 +1,4 @@
-"""One function makes the continuous A, B, C, D of a circuit, and their derivatives in every parameter.
+"""Assembly of the continuous A, B, C, D of a circuit, and their derivatives with respect to every parameter.
 
 Derivatives are complex steps (Squire and Trapp 1998, SIAM Rev. 40(1)): with p + ih in the place of p the imaginary part
 of a matrix is h times its derivative in p, to the last digit, since nothing is subtracted.

@@ -230,7 +230,7 @@ class _Reading:
             if name != AMBIENT and name not in self.file.nodes:
                 self._fault(f"{place}.between", f"no node is called {name!r}", "add it under 'nodes'")
         if edge.between[0] == edge.between[1]:
-            self._fault(f"{place}.between", f"{edge.between[0]!r} stands twice", "an edge joins two nodes")
+            self._fault(f"{place}.between", f"{edge.between[0]!r} is both ends", "an edge joins two nodes")
         return Edge(edge.between, self._value(f"{place}.resistance", edge.resistance, "K/W", positive=True))
 
     def _source(self, index: int, source: _Source) -> Source:
@@ -278,7 +278,7 @@ class _Reading:
         if not circuit.inputs:
             self._fault("nodes", "nothing drives the circuit", _DRIVEN[circuit.form])
         for name in sorted(states - _drained(circuit)):
-            self._fault(f"nodes.{name}", "no way leads its heat out", _WAY_OUT[circuit.form])
+            self._fault(f"nodes.{name}", "has no thermal path to a boundary", _PATH_HINT[circuit.form])
         for name in self.parameters:
             if name not in self.used:
                 self._fault(f"parameters.{name}", "nothing uses it", "remove it, or name it where it belongs")
@@ -289,7 +289,7 @@ _DRIVEN = {
     "rise": "give a sensor to a node without capacitance",
     "temperature": "add what drives it, such as 'ambient: {sensor: ambient}'",
 }
-_WAY_OUT = {
+_PATH_HINT = {
     "rise": "join it to the ambient",
     "temperature": "join it, directly or through others, to a node that a sensor prescribes",
 }

@@ -1,4 +1,4 @@
-"""No traceback reaches a user: status 0 is done, 1 the work failed, 2 the call was wrong, and a message says why."""
+"""Entry point: status 0 is done, 1 the work failed, 2 the call was wrong; errors are messages, not tracebacks."""
 
 import importlib
 import importlib.util

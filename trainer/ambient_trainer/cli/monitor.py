@@ -1,4 +1,4 @@
-"""What is shown while a run lasts: on a terminal a picture that is kept up to date, elsewhere a line now and then."""
+"""Progress of a laboratory run: a live picture on a terminal, a line now and then elsewhere."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rich.text import Text
 
 from ambient_trainer.laboratory.collect import Job
 from ambient_trainer.laboratory.report import degrees_text, expected
-from ambient_trainer.laboratory.run import Run
+from ambient_trainer.laboratory.run import CampaignRun
 from ambient_trainer.report.words import clock
 
 _REDRAW_S = 0.25
@@ -38,7 +38,7 @@ class ConsoleMonitor:
         self._console, self._live, self._title = console, live, title
         self._due_s = self._due_wall_s = 0.0
 
-    def update(self, run: Run) -> None:
+    def update(self, run: CampaignRun) -> None:
         """Draw the picture anew, or print a line, where that is due."""
         now_s, wall_s = run.clock.now_s(), time.monotonic()
         if wall_s < self._due_wall_s or (self._live is None and now_s < self._due_s):
@@ -54,7 +54,7 @@ class ConsoleMonitor:
         """Print it with its time; above the picture, where it stays."""
         self._console.print(f"{clock(at_s)}  {text}", markup=False, highlight=False, soft_wrap=True)
 
-    def _picture(self, run: Run) -> Group:
+    def _picture(self, run: CampaignRun) -> Group:
         now_s = run.clock.now_s()
         readings = Table("", "", "s ago", box=None, pad_edge=False)
         for column in readings.columns[1:]:
@@ -71,7 +71,7 @@ class ConsoleMonitor:
         return Group(*parts)
 
 
-def _left_text(run: Run) -> str:
+def _left_text(run: CampaignRun) -> str:
     """The run's time that the program should still take, and what is safe on the disk."""
     steps, program = expected(run.campaign), run.program
     left_s = 0.0
@@ -81,7 +81,7 @@ def _left_text(run: Run) -> str:
     return f"{clock(left_s)} left, {run.journal.samples_on_disk} samples on disk"
 
 
-def _step_text(run: Run) -> str:
+def _step_text(run: CampaignRun) -> str:
     program, campaign = run.program, run.campaign
     if program.over:
         return "the program is over"

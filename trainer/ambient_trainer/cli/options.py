@@ -76,17 +76,17 @@ def sampling_option(meaning: str, longest_s: float = 10) -> Decorator:
     return click.option("--period", "period_s", type=period, default=1.0, metavar="S", help=meaning)
 
 
-starts_option = click.option("--starts", type=click.IntRange(1, 1000), default=8, help="Searches from so many places.")
+starts_option = click.option("--starts", type=click.IntRange(1, 1000), default=8, help="Number of starting points.")
 """Gives a command --starts."""
 
 
 def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give ``command`` --starts, --pieces and --seed, as its ``effort``."""
-    meaning = "Fit a trace in so many pieces, each from a cold start."
+    meaning = "Number of pieces a trace is cut into, each fitted from a cold start."
 
     @starts_option
     @click.option("--pieces", type=click.IntRange(1, 10_000), default=1, help=meaning)
-    @seed_option("Of the places.")
+    @seed_option("Of the starting points.")
     @functools.wraps(command)
     def with_effort(starts: int, pieces: int, seed: int, **rest: Any) -> Any:
         return command(effort=at.Effort(starts, seed, pieces), **rest)

@@ -1,4 +1,4 @@
-"""What a command shows and writes: its report on the terminal, as JSON and as a page.
+"""Output of a command: its report on the terminal, as JSON and as a page.
 
 Everything that a command is about to write is looked at before it starts: no input is overwritten, no long work is in
 vain.
@@ -27,7 +27,7 @@ class Output:
     report_folder: str | None = None
 
     def check(self, inputs: Sequence[str], files: Sequence[str | None] = (), folder: str | None = None) -> None:
-        """Refuse the call where these outputs or ``files`` stand twice, are ``inputs``, or cannot be written.
+        """Refuse the call where these outputs or ``files`` are duplicated, are ``inputs``, or cannot be written.
 
         Outputs that are None were not asked for. What goes into ``folder`` is named by the work.
         """
@@ -39,7 +39,7 @@ class Output:
             if any(_same(path, other) for other in inputs):
                 faults.append(Fault(path, "would be overwritten by what is made from it", "name another output"))
             elif any(_same(path, other) for other in wanted[:index]):
-                faults.append(Fault(path, "stands twice among the outputs", "give each a name of its own"))
+                faults.append(Fault(path, "is named twice among the outputs", "give each a name of its own"))
             elif problem := _no_file(path, in_place=index < len(named)):
                 faults.append(Fault(path, *problem))
         for place, purpose in ((page, "the report"), (folder, "these files")):

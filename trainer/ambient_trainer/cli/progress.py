@@ -1,4 +1,4 @@
-"""While a command works: a bar on the terminal's standard error, and a Ctrl-C that only ends a search."""
+"""Progress bars on standard error, and a Ctrl-C that ends only the search."""
 
 from __future__ import annotations
 

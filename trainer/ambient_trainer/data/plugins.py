@@ -1,4 +1,4 @@
-"""One thing, one file: a plug-in is a module in a package's folder, or an entry point, and is found by its place."""
+"""Plug-ins: a module in a package's folder, or an entry point, is found by its place."""
 
 import importlib
 import pkgutil

@@ -1,4 +1,4 @@
-"""A sensor's resolution and noise: recognised in what it has read; or a resolution imposed on a finer log.
+"""A sensor's resolution and noise: estimated from its readings; or a resolution imposed on a finer log.
 
 A device that rounds reads on average half a step further from 0 than one that truncates, and no reading shows which it
 does. A log is made coarse half way between both, so that an estimate errs by a quarter of a step on either.

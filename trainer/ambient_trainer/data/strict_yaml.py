@@ -89,14 +89,14 @@ def parse_yaml(text: str, source: str) -> Any:
 
 
 class _Loader(yaml.SafeLoader):
-    """Refuses a key that stands twice; YAML's own rule, which the parser does not keep."""
+    """Refuses a key that is duplicated; YAML's own rule, which the parser does not keep."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen = set()
         for key_node, _ in node.value:
             if isinstance(key_node, yaml.ScalarNode):
                 if key_node.value in seen:
-                    problem = f"key {key_node.value!r} stands twice"
+                    problem = f"key {key_node.value!r} is duplicated"
                     raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
                 seen.add(key_node.value)
         mapping: dict[Any, Any] = super().construct_mapping(node, deep)

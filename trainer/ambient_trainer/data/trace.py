@@ -101,7 +101,7 @@ def frame_trace(frame: pd.DataFrame, source: str = FRAME) -> Trace:
         if split_column(name) == ("", ""):
             raise refuse(source, f"column {name!r}", "names no unit", "name it <name>_<unit>, such as usb_degC")
         if names.count(name) > 1:
-            raise refuse(source, f"column {name!r}", "stands twice", "rename or remove one")
+            raise refuse(source, f"column {name!r}", "is duplicated", "rename or remove one")
     if not len(frame):
         raise refuse(source, "", "no rows", "log something first")
     time_s = _numbers(source, frame.index.to_series() if TIME not in names else frame[TIME], TIME)

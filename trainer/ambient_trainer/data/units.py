@@ -1,4 +1,4 @@
-"""Millidegrees, tenths, microamperes and Fahrenheit become the trace's own units here, once."""
+"""Conversion of millidegrees, tenths, microamperes and Fahrenheit to the trace's own units, done here only."""
 
 from typing import TypeVar
 

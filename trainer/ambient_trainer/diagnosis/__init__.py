@@ -1,4 +1,4 @@
-"""What a circuit gets wrong about measured data: shown, named, added to the circuit, and scored on other data."""
+"""Diagnosis of a circuit's misfit to data: causes identified, added to the circuit, and scored on held-out data."""
 
 from ambient_trainer.diagnosis.diagnose import diagnose, diagnose_changed, learn_known_good
 from ambient_trainer.diagnosis.forward import forward

@@ -1,4 +1,4 @@
-"""The diagnosis: the circuit is fitted, what it lacks is added step by step, and the gain of each step is measured.
+"""Diagnosis by stepwise model extension: fit the circuit, add what it lacks step by step, measure each step's gain.
 
 Without known-good records the question is what the circuit lacks, with them what has changed since.
 """
@@ -17,20 +17,20 @@ from ambient_trainer.circuits.addition import with_values
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.diagnosis.findings import (
-    ambient_rests,
-    held_at_the_end,
-    left_degC,
+    ambient_is_constant,
     ranking_of,
+    residuals_degC,
+    retained_mechanisms,
     steps_of,
     unknown_step,
 )
 from ambient_trainer.diagnosis.forward import forward
-from ambient_trainer.diagnosis.greybox.backward import eliminated, score, steps_to
-from ambient_trainer.diagnosis.greybox.choice import ANSWERS, Limits, beyond_chance
+from ambient_trainer.diagnosis.greybox.backward import eliminate_backward, score, steps_to
+from ambient_trainer.diagnosis.greybox.choice import ENDOGENOUS_PENALTY, Limits, is_significant
 from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import FOLDS, Fitted
-from ambient_trainer.diagnosis.greybox.screening import bent_candidates, changed_candidates
+from ambient_trainer.diagnosis.greybox.screening import ambient_distinct_candidates, change_candidates
 from ambient_trainer.diagnosis.greybox.stepwise import Progress, Selection, anchors, bare_fit, continued, stepwise
 from ambient_trainer.diagnosis.known_good import KnownGood, train_on_baselines
 from ambient_trainer.diagnosis.misfit import misfit_of
@@ -41,25 +41,26 @@ from ambient_trainer.evaluation.black_box import black_box_rmse_degC
 
 FEWEST_SAMPLES = 100
 _ROUNDING_DEGC = 0.051
-"""Two instruments differ by more at some time; a column and its copy with one decimal do not."""
-_MUCH, _EXPLAINABLE = 0.1, 0.35
-"""A misfit is significant where it is so much of a sensor's deviation, and a black box with the same inputs explains so
-much of it, or no more than so much of it is noise."""
-_SMALL_DEGC, _UNDESCRIBED, _MOSTLY, _NOTHING, _MUCH_OF_ALL, _HALF = 0.3, 0.5, 0.5, 0.9, 0.45, 0.5
+"""Maximum difference between a column and its copy rounded to one decimal."""
+_MIN_MISFIT_SHARE, _MIN_EXPLAINABLE_SHARE = 0.1, 0.35
+"""Minimum share of a misfit in a sensor's deviation, minimum share that a black box with the same inputs explains, or
+maximum share of noise in it, for the misfit to be significant."""
+_MIN_SD_DEGC, _MAX_WORST, _MIN_EXPLAINED = 0.3, 0.5, 0.5
+_MAX_ANY, _MAX_OVERALL, _HALF = 0.9, 0.45, 0.5
 _LEAST_DEGC = 0.05
-"""What a step gains where nothing is known of a sensor's noise: a measured tank that only cools bends by less."""
-_JUMPY = 0.7
-"""Of what is left, by how much it changes from sample to sample: a half in a measured house, all of it in noise."""
+"""Minimum gain of a step where a sensor's noise is unknown: a measured tank that only cools deviates by less."""
+_MAX_WHITE_SHARE = 0.7
+"""Maximum share of white noise in a residual: it is a half in a measured house, and one in noise."""
 _MOST_MISFIT, _MOST_OF_A_LARGE_MISFIT = 2.0, 4.0
-"""Times what known-good records leave: below the one a change is described, beyond the other it is not."""
-_SLOW = 1.0 / 3.0
-"""Of the record: a mass that is slower is a boundary of unknown temperature."""
-_NO_ROOM_DEGC = 20.0
-"""No room is so much warmer than its log says."""
-_ALIKE = 0.5
-"""Of the largest rise, what the least has to be where a warmer room may be behind both."""
-_MUCH_BETTER = 0.3
-"""Of the held-out error's logarithm, with what a model assumes: what was found together by more is taken."""
+"""Ratios to the error on known-good records: below the first a change is explained, above the second it is not."""
+_SLOW_FRAC = 1.0 / 3.0
+"""Share of the record's length; a slower mass is a boundary of unknown temperature."""
+_MAX_RISE_DEGC = 20.0
+"""Maximum error of a logged room temperature."""
+_MIN_RATIO = 0.5
+"""Minimum ratio of the smallest to the largest temperature rise where a warmer room may explain both."""
+_MIN_JOINT_GAIN = 0.3
+"""Minimum gain in penalised log error for causes found jointly to replace the steps."""
 _SHORTEST = 5
 """Samples; a shorter stretch between gaps says where it began, and little else."""
 
@@ -81,7 +82,7 @@ def diagnose(
     period_s = period_s or diagnosis_period_s([*traces, *baselines])
     if not baselines:
         with threadpool_limits(1):
-            return _lacking(circuit, traces, period_s, progress)
+            return _find_missing(circuit, traces, period_s, progress)
     known = learn_known_good(circuit, baselines, progress, period_s)
     return diagnose_changed(known, circuit, traces, [trace.path for trace in baselines], progress)
 
@@ -107,57 +108,57 @@ def diagnose_changed(
     own = _long_enough(known.records(traces))
     with threadpool_limits(1):
         bare = known.bare_fit(own)
-        selection = stepwise(bare, limits=Limits(known.rmse_degC), progress=progress, offered=changed_candidates)
+        selection = stepwise(bare, limits=Limits(known.rmse_degC), progress=progress, offered=change_candidates)
     before, final, good = selection.bare.held_out_rmse_degC, selection.final, known.rmse_degC
-    most = max(_MOST_MISFIT, min(_UNDESCRIBED * before / good, _MOST_OF_A_LARGE_MISFIT))
-    lasting = all(each.lasts for each in final.model.mechanisms)
-    followed = not lasting and final.by_stretches_degC(selection.bare) < _MOST_MISFIT * good
+    most = max(_MOST_MISFIT, min(_MAX_WORST * before / good, _MOST_OF_A_LARGE_MISFIT))
+    permanent = all(each.permanent for each in final.model.mechanisms)
+    followed = not permanent and final.by_stretches_degC(selection.bare) < _MOST_MISFIT * good
     described = (followed or final.held_out_rmse_degC < most * good) and not _reads_a_sensor(bare)
     return _diagnosis(circuit, traces, selection, None, baselines, described=described)
 
 
 def _reads_a_sensor(bare: Fitted) -> bool:
-    """Whether the ambient is what one sensor reads, but for noise, where known-good records have them apart.
+    """Whether the ambient equals one sensor's reading except for noise, although known-good records differ.
 
     Of a device that is off, all sensors are like that.
     """
     apart = np.concatenate([each.sensors - each.signals.get(REFERENCE, 0.0) for each in bare.records], axis=1)
     noise_degC, deviation_degC = np.sqrt(np.nanmean(np.diff(apart, axis=1) ** 2, axis=1) / 2), np.nanstd(apart, axis=1)
-    white = noise_degC > _JUMPY * deviation_degC
-    expected = np.sqrt(np.nanmean(left_degC(bare) ** 2, axis=1)) < _MOST_OF_A_LARGE_MISFIT * deviation_degC
+    white = noise_degC > _MAX_WHITE_SHARE * deviation_degC
+    expected = np.sqrt(np.nanmean(residuals_degC(bare) ** 2, axis=1)) < _MOST_OF_A_LARGE_MISFIT * deviation_degC
     return bool((white & ~expected).any() and not white.all())
 
 
-def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None) -> Diagnosis:
+def _find_missing(circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None) -> Diagnosis:
     plain = forward(circuit)
     own = _long_enough([each for trace in traces for each in finely_simulated(plain, trace, period_s)])
     model, limits = greybox_of(plain), Limits(_floor_degC(own), _LEAST_DEGC)
     bare, beside = bare_fit(model, own), anchors(model, own)
     selection = stepwise(bare, beside, limits, progress)
     if _confounded(selection):
-        selection = _otherwise(selection, limits, progress)
+        selection = _resolve_confounding(selection, limits, progress)
     found = _diagnosis(circuit, traces, selection, limits.floor_degC, ())
     if progress is not None:
         progress("fit all effects at once", 0, 1)
     points = [bare, *beside] if _never_settles(bare) else [bare]
-    together = min(filter(None, map(eliminated, points)), key=score, default=None)
-    if together is None or not _better(selection, found, together):
+    together = min(filter(None, map(eliminate_backward, points)), key=score, default=None)
+    if together is None or not _is_better_than_steps(selection, found, together):
         return found
     selection = continued(selection, together, beside, limits, progress)
     again = _diagnosis(circuit, traces, selection, limits.floor_degC, ())
     return found if again.verdict_cause.name == UNKNOWN else again
 
 
-def _otherwise(confounded: Selection, limits: Limits, progress: Progress | None) -> Selection:
-    """The steps to the same model with heat by a log first, where that is missed; else what gains without what a warmer
-    ambient does as well, where it is physics."""
+def _resolve_confounding(confounded: Selection, limits: Limits, progress: Progress | None) -> Selection:
+    """Resolve a confounded selection: logged heat first, where it is needed; else select among candidates that a warmer
+    ambient cannot replace, if a physical cause is found."""
     steps = steps_to(confounded.bare, confounded.final, confounded.compared.tried)
     held = [(each.chosen.mechanism, each) for each in steps if each.chosen is not None]
     # a delay of its own may follow whatever the ambient did
-    if any(each.driver is not None and not each.tuned and step.gain > _MUCH_BETTER for each, step in held):
+    if any(each.driver is not None and not each.tuned and step.gain > _MIN_JOINT_GAIN for each, step in held):
         held.sort(key=lambda each: each[0].driver is None)
         return replace(confounded, steps=tuple(step for _, step in held))
-    found = stepwise(confounded.bare, (), limits, progress, bent_candidates)
+    found = stepwise(confounded.bare, (), limits, progress, ambient_distinct_candidates)
     first = found.steps[0]
     if first.chosen is None or first.chosen.mechanism.instrument:
         return confounded
@@ -165,16 +166,16 @@ def _otherwise(confounded: Selection, limits: Limits, progress: Progress | None)
     return replace(found, steps=(rivals, *found.steps[1:]), compared=confounded.compared)
 
 
-def _better(selection: Selection, found: Diagnosis, together: Fitted) -> bool:
+def _is_better_than_steps(selection: Selection, found: Diagnosis, together: Fitted) -> bool:
     """Whether causes that were found together beat the steps, by more where another temperature, which may answer to
     the same cause, is among them; or the circuit by itself, where steps have led to no name: by as much, or in most
     folds and by half in sample."""
     bare = selection.bare
     if found.verdict_cause.name != UNKNOWN:
-        answers = any(each.responds for each in together.model.mechanisms)
-        return score(together) <= score(selection.final) - math.log(ANSWERS) * answers - _MUCH_BETTER
-    gains = score(together) < score(bare) and beyond_chance(bare.held_out - together.held_out)
-    return score(together) <= score(bare) - _MUCH_BETTER or (gains and together.rmse_degC < _HALF * bare.rmse_degC)
+        answers = any(each.endogenous for each in together.model.mechanisms)
+        return score(together) <= score(selection.final) - math.log(ENDOGENOUS_PENALTY) * answers - _MIN_JOINT_GAIN
+    gains = score(together) < score(bare) and is_significant(bare.held_out - together.held_out)
+    return score(together) <= score(bare) - _MIN_JOINT_GAIN or (gains and together.rmse_degC < _HALF * bare.rmse_degC)
 
 
 def _never_settles(bare: Fitted) -> bool:
@@ -203,13 +204,13 @@ def _diagnosis(
     steps = steps_of(selection, longest)
     before, after = bare.held_out_rmse_degC, final.held_out_rmse_degC
     share = None if floor_degC is None else _share(before, after, floor_degC)
-    nothing = not steps and floor_degC is not None and _misfits(bare, floor_degC)
+    nothing = not steps and floor_degC is not None and _has_large_misfit(bare, floor_degC)
     much_left = _much_left(final, share)
     # an instrument's fault fits whatever physics leaves, and rows in any order have drivers, too, which gain little
     blamed = any(each.instrument for each in final.model.mechanisms[len(bare.model.mechanisms) :])
-    unsure = much_left and (blamed or _noise_degC(final) > _JUMPY * final.rmse_degC)
-    halved = after < _HALF * before and not blamed and _left(final)[0] < _NOTHING
-    nameless = unsure and not (halved or _halved_by_heat(steps))
+    unsure = much_left and (blamed or _noise_degC(final) > _MAX_WHITE_SHARE * final.rmse_degC)
+    halved = after < _HALF * before and not blamed and _left(final)[0] < _MAX_ANY
+    nameless = unsure and not (halved or _heat_halves_error(steps))
     if nothing or not described or nameless or _confounded(selection):
         steps, share = (unknown_step(bare, longest),), None
     elif much_left and share is not None:
@@ -244,7 +245,7 @@ def _diagnosis(
 
 
 def _share(before: float, after: float, floor: float) -> float | None:
-    """How much of what can be explained is explained; None where nothing can."""
+    """Share of the explainable error that is explained; None where nothing is explainable."""
     return min((before - after) / (before - floor), 1.0) if before - floor > 0.05 * before else None
 
 
@@ -260,18 +261,18 @@ def _floor_degC(own: Sequence[Record]) -> float:
     return black_box_rmse_degC(record.time_s, inputs, record.sensors, blocks)
 
 
-def _misfits(bare: Fitted, floor_degC: float) -> bool:
-    """Whether what the circuit leaves is large, beside what its sensors do and what could be explained."""
+def _has_large_misfit(bare: Fitted, floor_degC: float) -> bool:
+    """Whether the misfit is large compared with the sensors' deviation, and explainable."""
     if _undescribed(bare, None):
         return True
     deviation = np.sqrt(np.nanmean([np.nanvar(record.sensors) for record in bare.records]))
-    large = bare.held_out_rmse_degC > max(_MUCH * deviation, _SMALL_DEGC)
-    predicted = floor_degC < (1.0 - _EXPLAINABLE) * bare.held_out_rmse_degC
-    return bool(large and (predicted or _noise_degC(bare) < _EXPLAINABLE * bare.rmse_degC))
+    large = bare.held_out_rmse_degC > max(_MIN_MISFIT_SHARE * deviation, _MIN_SD_DEGC)
+    predicted = floor_degC < (1.0 - _MIN_EXPLAINABLE_SHARE) * bare.held_out_rmse_degC
+    return bool(large and (predicted or _noise_degC(bare) < _MIN_EXPLAINABLE_SHARE * bare.rmse_degC))
 
 
 def _noise_degC(fitted: Fitted) -> float:
-    """What changes from one sample to the next of what is left: a misfit with a cause is smoother."""
+    """White-noise part of the residual, from its sample-to-sample changes: a misfit with a cause is smoother."""
     steps = [np.diff(fitted.residual_degC(index), axis=1) for index in range(len(fitted.records))]
     return float(np.sqrt(np.nanmean(np.concatenate(steps, axis=1) ** 2) / 2))
 
@@ -280,25 +281,25 @@ def _undescribed(fitted: Fitted, share: float | None) -> bool:
     """Whether nine tenths of a sensor's deviation are left, or half of it, or much of all, where most of what can be
     explained is not."""
     worst, overall = _left(fitted)
-    little = share is None or share < _MOSTLY
-    return worst > _NOTHING or (little and (worst > _UNDESCRIBED or overall > _MUCH_OF_ALL))
+    little = share is None or share < _MIN_EXPLAINED
+    return worst > _MAX_ANY or (little and (worst > _MAX_WORST or overall > _MAX_OVERALL))
 
 
 def _much_left(fitted: Fitted, share: float | None) -> bool:
     """Whether so much is left, or much of all, where a black box does better."""
-    return _undescribed(fitted, share) or (share is not None and share < 1.0 and _left(fitted)[1] > _MUCH_OF_ALL)
+    return _undescribed(fitted, share) or (share is not None and share < 1.0 and _left(fitted)[1] > _MAX_OVERALL)
 
 
 def _left(fitted: Fitted) -> tuple[float, float]:
-    """What is left beside the deviation of what was read: at the worst sensor, and of all together."""
+    """Ratio of the residual to the readings' deviation: at the worst sensor, and over all sensors."""
     read = np.concatenate([record.sensors for record in fitted.records], axis=1)
-    square, variance = np.nanmean(left_degC(fitted) ** 2, axis=1), np.nanvar(read, axis=1)
-    worst = np.sqrt(np.max(square / np.maximum(variance, _SMALL_DEGC**2)))
-    return float(worst), float(np.sqrt(square.mean() / max(variance.mean(), _SMALL_DEGC**2)))
+    square, variance = np.nanmean(residuals_degC(fitted) ** 2, axis=1), np.nanvar(read, axis=1)
+    worst = np.sqrt(np.max(square / np.maximum(variance, _MIN_SD_DEGC**2)))
+    return float(worst), float(np.sqrt(square.mean() / max(variance.mean(), _MIN_SD_DEGC**2)))
 
 
-def _halved_by_heat(steps: Sequence[Step]) -> bool:
-    """Whether heat, named first, takes more than half of the error: that holds whatever is left."""
+def _heat_halves_error(steps: Sequence[Step]) -> bool:
+    """Whether a heat source as the first step removes more than half of the error."""
     heat = bool(steps) and steps[0].cause.name == "heat_source"
     return heat and steps[0].gain.rmse_after_degC < _HALF * steps[0].gain.rmse_before_degC
 
@@ -307,24 +308,25 @@ def _confounded(selection: Selection) -> bool:
     """Whether the first step is heat that nothing logged drives, or a body slower than the record, beside a reference
     that never moves: a warmer ambient does the same, within reason."""
     final = selection.final
-    first = next((each for step in selection.steps for each in held_at_the_end(step, selection)), None)
-    if first is None or not ambient_rests(final.records):
+    first = next((each for step in selection.steps for each in retained_mechanisms(step, selection)), None)
+    if first is None or not ambient_is_constant(final.records):
         return False
     longest_s = max(record.samples * record.period_s for record in final.records)
     if first.cause == "thermal_mass":
-        return _settles_in_s(first, final) > _SLOW * longest_s
+        return _settles_in_s(first, final) > _SLOW_FRAC * longest_s
     if first.cause != "heat_source" or first.driver is not None:
         return False
     rises_degC = _rises_degC(first, final)
     largest = rises_degC[np.argmax(np.abs(rises_degC))]
     # for a while a room warms, or cools, all that it holds alike
     return bool(
-        abs(largest) < _NO_ROOM_DEGC and (first.lasts or min(rises_degC * np.sign(largest)) > _ALIKE * abs(largest))
+        abs(largest) < _MAX_RISE_DEGC
+        and (first.permanent or min(rises_degC * np.sign(largest)) > _MIN_RATIO * abs(largest))
     )
 
 
 def _rises_degC(heat: Mechanism, fitted: Fitted) -> Array:
-    """By how much constant heat warms each of the circuit's nodes in a steady state, by the losses that do not vary."""
+    """Steady-state temperature rise of each of the circuit's nodes by constant heat, with the constant losses."""
     network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
     between, out = network.between[0], network.to_boundary[0].sum(axis=1)
     into = np.zeros(len(out))
@@ -334,7 +336,7 @@ def _rises_degC(heat: Mechanism, fitted: Fitted) -> Array:
 
 
 def _settles_in_s(mass: Mechanism, fitted: Fitted) -> float:
-    """The time constant of a body towards the ambient, by itself and through the node before it."""
+    """Time constant of a body to the ambient, directly and through its node."""
     network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
     node, body = network.index(mass.places[0]), network.index(f"{mass.places[0]}_mass")
     loss = network.to_boundary[0].sum(axis=1)

@@ -1,4 +1,4 @@
-"""What a selection of mechanisms says: steps with cause, size, gain and confidence; the ranking of all candidates."""
+"""Findings of a selection: steps with cause, size, gain and confidence, and the ranking of all candidates."""
 
 import math
 from collections.abc import Sequence
@@ -13,22 +13,22 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import AMBIENT, Circuit
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.choice import (
-    ANSWERS,
-    COINCIDE,
-    WANDERS,
+    ENDOGENOUS_PENALTY,
+    MAX_UNEXPLAINED_BY_WINDOW,
+    MIN_CORRELATION,
+    SelectionStep,
+    coincides_with,
+    collinear,
     correlation,
-    leaves_a_leap,
-    left_by_window,
-    opens_with,
-    twins,
-    worse_physics,
+    fault_margin,
+    leaves_offset_steps,
+    unexplained_by_window,
 )
-from ambient_trainer.diagnosis.greybox.choice import Step as Chosen
+from ambient_trainer.diagnosis.greybox.context import LIGHT, Context
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted
-from ambient_trainer.diagnosis.greybox.revision import beside, is_chosen
-from ambient_trainer.diagnosis.greybox.scene import LIGHT, Scene
+from ambient_trainer.diagnosis.greybox.revision import is_same, refit_as
 from ambient_trainer.diagnosis.greybox.stepwise import Selection
 from ambient_trainer.diagnosis.greybox.trials import Trial, penalised
 from ambient_trainer.diagnosis.record import Record
@@ -37,7 +37,7 @@ from ambient_trainer.report.words import digits, window
 
 _ALIKE = 0.04
 """Of the penalised logarithm of held-out errors: rivals that are closer are not distinguishable."""
-_EVIDENT, _RESAMPLED = 0.95, 400
+_CONFIDENCE_IF_VISIBLE, _RESAMPLED = 0.95, 400
 _EVERYWHERE = ("ambient_coupling", "convection_law")
 """Without a location they are those of all nodes."""
 _NO_POWERS, _AS_POWERS = ("_V", "_rpm", "_krpm", "_MHz", "_GHz"), ("_W", "_kW", "_A", "_load", "_frac", "_pct")
@@ -46,7 +46,7 @@ _CURVES = ("thermal_mass", "convection_law")
 """What bends a node's way to a temperature that stays."""
 _CENTRE, _SLOPE = 0.05, 8.0
 """Of the margin over the closest other cause, in the logarithm of the held-out error: 57 verdicts of ``discover``."""
-_EITHER = 0.6
+_AMBIGUITY = 0.6
 """Of the confidence in a fault that heat could be as well: readings jump where water begins to flow, too, in a measured
 heater, and in a measured box one sensor's drift and heat that creeps read the same; another box, which had come to
 rest at 30 degC, seemed to melt there. Six measured sensors seemed to lag where a logged heater's body may, and five
@@ -61,7 +61,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
     held = list(range(len(selection.bare.model.mechanisms), len(final.model.mechanisms)))
     for step in selection.steps:
         chosen = step.chosen
-        found = [each for each in held if chosen and is_chosen(final.model.mechanisms[each], chosen.mechanism)]
+        found = [each for each in held if chosen and is_same(final.model.mechanisms[each], chosen.mechanism)]
         if chosen is None or not found:
             continue
         index = found[0]
@@ -72,15 +72,15 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
         if gain.ci95_degC[0] <= 0 and without is not None:
             # what an earlier step finds may show itself only beside what later ones do
             gain = _gain(without, final, chosen, step.tried)
-        confidence = _confidence(step, chosen, final, _needed(without, final, index))
-        if mechanism.driver is None and not mechanism.lasts:
+        confidence = _confidence(step, chosen, final, _log_error_without(without, final, index))
+        if mechanism.driver is None and not mechanism.permanent:
             # a window may make up for what an earlier one is wrong about
             confidence = min(
                 [confidence, *(sure for each, sure in windows if set(each.places) & set(mechanism.places))]
             )
             windows.append((mechanism, confidence))
         magnitude, parameters = _numbers(final, index)
-        rivals = [cause_of(each.mechanism, final.model.circuit) for each in step.trials if _rival(each, chosen)]
+        rivals = [cause_of(each.mechanism, final.model.circuit) for each in step.trials if _is_rival(each, chosen)]
         cause, when = cause_of(mechanism, final.model.circuit), (mechanism.onset_s, mechanism.end_s)
         size = f"{magnitude.meaning} {digits(magnitude.value)} {magnitude.unit}"
         interval = " to ".join(map(digits, magnitude.ci95))
@@ -89,19 +89,19 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
             f"{cause}: {size} ({interval}), {qualifier}{window(*when)}; on held-out data"
             f" {gain.rmse_before_degC:.2f} becomes {gain.rmse_after_degC:.2f} degC."
         )
-        alike = tuple(dict.fromkeys([*rivals, *_or_physics(chosen)]))
+        alike = tuple(dict.fromkeys([*rivals, *_equivalent_physics(chosen)]))
         residual_degC = chosen.fitted.residual_degC(longest)
         result.append(Step(cause, *when, magnitude, confidence, gain, alike, sentence, parameters, residual_degC))
     return tuple(result)
 
 
-def held_at_the_end(step: Chosen, selection: Selection) -> list[Mechanism]:
+def retained_mechanisms(step: SelectionStep, selection: Selection) -> list[Mechanism]:
     """The mechanisms of the final model that a step has chosen."""
     added = selection.final.model.mechanisms[len(selection.bare.model.mechanisms) :]
-    return [] if step.chosen is None else [each for each in added if is_chosen(each, step.chosen.mechanism)]
+    return [] if step.chosen is None else [each for each in added if is_same(each, step.chosen.mechanism)]
 
 
-def left_degC(fitted: Fitted) -> Array:
+def residuals_degC(fitted: Fitted) -> Array:
     """Measured minus simulated of all records, (s, samples); NaN where nothing was measured."""
     return np.concatenate([fitted.residual_degC(index) for index in range(len(fitted.records))], axis=1)
 
@@ -152,7 +152,7 @@ def _gain(before: Fitted, after: Fitted, trial: Trial, tried: int) -> Gain:
 
     What acts for a while is resampled by stretches that are short beside it: each gains its share.
     """
-    was, left = (_squares(each, trial.lasting) for each in (before, after))
+    was, left = (_squares(each, trial.permanent) for each in (before, after))
     error = before.held_out_rmse_degC, trial.rmse_degC if after is trial.fitted else after.held_out_rmse_degC
     gain = error[0] - error[1]
     p_value = 1.0
@@ -171,52 +171,52 @@ def _squares(fitted: Fitted, by_block: bool) -> Array:
     return np.array([np.mean(residual[part == each] ** 2) for each in np.unique(part)])
 
 
-def _rival(trial: Trial, chosen: Trial) -> bool:
-    """Whether a trial of another cause, or by a driver that goes along with the chosen one's, does nearly as well."""
-    if chosen.mechanism.evident or leaves_a_leap(chosen, trial):
+def _is_rival(trial: Trial, chosen: Trial) -> bool:
+    """Whether a trial of another cause, or by a driver collinear with the chosen one's, fits nearly as well."""
+    if chosen.mechanism.visible_in_readings or leaves_offset_steps(chosen, trial):
         return False
     one, other = trial.mechanism, chosen.mechanism
-    another = one.key != other.key and (one.cause != other.cause or _twins(one, other, chosen.fitted.records))
-    same = (one.instrument, one.responds) == (other.instrument, other.responds) or _offset_or_heat(one, other)
+    another = one.key != other.key and (one.cause != other.cause or _are_collinear(one, other, chosen.fitted.records))
+    same = (one.instrument, one.endogenous) == (other.instrument, other.endogenous) or _is_offset_for_heat(one, other)
     return another and same and not trial.at_bounds and penalised(trial) - penalised(chosen) < _ALIKE
 
 
-def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math.inf) -> float:
-    """The probability that the cause, its place and its driver are right, by the margin over the closest other that is
-    not there, too, and by what is ``needed`` of it at the end."""
-    if chosen.mechanism.evident:
-        return _EVIDENT
+def _confidence(step: SelectionStep, chosen: Trial, final: Fitted, needed: float = math.inf) -> float:
+    """Probability that cause, place and driver are right, from the margin over the closest cause not in the model,
+    and from the error that grows without it at the end, ``needed``."""
+    if chosen.mechanism.visible_in_readings:
+        return _CONFIDENCE_IF_VISIBLE
     sound = [each for each in step.trials if not each.at_bounds]
     there = [chosen.mechanism, *final.model.mechanisms]
-    held = partial(_held, there, step.before, final.records)
-    others = [each for each in sound if not (held(each.mechanism) or leaves_a_leap(chosen, each))]
+    held = partial(_is_in_model, there, step.before, final.records)
+    others = [each for each in sound if not (held(each.mechanism) or leaves_offset_steps(chosen, each))]
     # what stands for the cause chosen has beaten the others for it
-    same = [penalised(each) for each in sound if _says_the_same(each.mechanism, chosen.mechanism, final.records)]
+    same = [penalised(each) for each in sound if _is_equivalent(each.mechanism, chosen.mechanism, final.records)]
     best = min([penalised(chosen), *same])
-    margin = min((penalised(each) + _handicap(each, chosen) - best for each in others), default=1.0)
+    margin = min((penalised(each) + _penalty(each, chosen) - best for each in others), default=1.0)
     total = min(step.gain, needed)
-    sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_EITHER if _doubtful(step, chosen, final) else 1.0)
-    sure *= max(1.0 - (left_by_window(step.before, chosen) / WANDERS) ** 2, 0.0)
+    sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_AMBIGUITY if _is_ambiguous(step, chosen, final) else 1.0)
+    sure *= max(1.0 - (unexplained_by_window(step.before, chosen) / MAX_UNEXPLAINED_BY_WINDOW) ** 2, 0.0)
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
 
 
-def _doubtful(step: Chosen, chosen: Trial, final: Fitted) -> bool:
-    """Whether something quite different reads the same, or nothing else was tried beside what was found with it."""
+def _is_ambiguous(step: SelectionStep, chosen: Trial, final: Fitted) -> bool:
+    """Whether a quite different cause gives the same readings, or no alternative was tried."""
     mechanism, records = chosen.mechanism, final.records
     # later steps may have moved its numbers
-    doubtful = any(each.doubtful for each in final.model.mechanisms if is_chosen(each, mechanism))
-    if mechanism.sudden or doubtful or _or_physics(chosen) or not step.trials:
+    doubtful = any(each.ambiguous for each in final.model.mechanisms if is_same(each, mechanism))
+    if mechanism.step_like or doubtful or _equivalent_physics(chosen) or not step.trials:
         return True
     # without known-good records, what nothing logged shows and that begins or ends describes more than it names; and
     # a loss that differs in the heat: of five in measured logs none was surely that
     if mechanism.driver is not None:
         bent = mechanism.cause == "convection_law" and not records[0].known_good
-        return bent or (mechanism.cause == "heat_source" and _stands_in(mechanism.driver, records))
-    begins = not (mechanism.lasts or records[0].known_good)
-    return begins or ((mechanism.cause == "heat_source" or mechanism.slow) and ambient_rests(records))
+        return bent or (mechanism.cause == "heat_source" and _is_proxy(mechanism.driver, records))
+    begins = not (mechanism.permanent or records[0].known_good)
+    return begins or ((mechanism.cause == "heat_source" or mechanism.slow) and ambient_is_constant(records))
 
 
-def _stands_in(driver: Expression, records: Sequence[Record]) -> bool:
+def _is_proxy(driver: Expression, records: Sequence[Record]) -> bool:
     """Whether heat follows what is no power, while a power, a current or a load is logged that moves as well: a
     processor's voltage and a motor's speed went along with those in measured logs that begin with a few loads."""
     if not driver.columns[0].endswith(_NO_POWERS):
@@ -224,42 +224,42 @@ def _stands_in(driver: Expression, records: Sequence[Record]) -> bool:
     return any(name.endswith(_AS_POWERS) and np.ptp(row) > 0 for each in records for name, row in each.signals.items())
 
 
-def ambient_rests(records: Sequence[Record]) -> bool:
-    """Whether the ambient never moves: constant heat, or a body that is slow, may be that of another room."""
+def ambient_is_constant(records: Sequence[Record]) -> bool:
+    """Whether the ambient is constant: constant heat, or a slow body, may then be another room's temperature."""
     return bool(records) and not any(np.ptp(each.signals.get(REFERENCE, np.zeros(1))) > 0 for each in records)
 
 
 def _without(final: Fitted, index: int) -> Fitted | None:
     """A model without a mechanism, fitted; None where that is all that it has, or others act on its bodies."""
     alone = len(final.model.mechanisms) == 1 or final.model.carries(index)
-    return None if alone else beside(final, final.model.without(index))
+    return None if alone else refit_as(final, final.model.without(index))
 
 
-def _needed(without: Fitted | None, final: Fitted, index: int) -> float:
+def _log_error_without(without: Fitted | None, final: Fitted, index: int) -> float:
     """By how much the logarithm of the held-out error grows where one mechanism of a model is left out."""
     if without is None:
         return math.inf
-    if final.model.mechanisms[index].lasts:
+    if final.model.mechanisms[index].permanent:
         return math.log(without.held_out_rmse_degC / final.held_out_rmse_degC)
     # of short stretches, as it was chosen by
-    return math.log(without.combed.sum() / final.combed.sum()) / 2
+    return math.log(without.held_out_stretches.sum() / final.held_out_stretches.sum()) / 2
 
 
-def _or_physics(trial: Trial) -> tuple[Cause, ...]:
+def _equivalent_physics(trial: Trial) -> tuple[Cause, ...]:
     """What reads the same as one sensor's drift or lag: heat that grows with time, where its node exchanges heat with
     no other sensor's, and a body of the heater's own, where something logged heats the node. As a reference that is
     off: constant heat at all nodes; that is late where the ambient repeats itself: heat by day that nothing logged
     shows. As a body, where nothing logged moves: a loss that bends, and the other way round. As heat by what a module
     makes of the sun: the sun."""
     cause, fitted = trial.mechanism.cause, trial.fitted
-    if cause == "heat_source" and (light := _light_along(trial.mechanism, fitted)):
+    if cause == "heat_source" and (light := _collinear_light(trial.mechanism, fitted)):
         return tuple(replace(cause_of(trial.mechanism, fitted.model.circuit), signal=each) for each in light)
-    if cause in _CURVES and trial.mechanism.driver is None and not any(map(_moves, fitted.records)):
+    if cause in _CURVES and trial.mechanism.driver is None and not any(map(_has_excitation, fitted.records)):
         return tuple(Cause(each, trial.mechanism.places[0], None) for each in _CURVES if each != cause)
     if (cause, trial.mechanism.places) == ("sensor_bias", (AMBIENT,)):
         return (Cause("heat_source", None, None),)
     if trial.mechanism.of_reference:
-        return (Cause("heat_source", None, None),) if math.isfinite(Scene(fitted).repeats_s(REFERENCE)) else ()
+        return (Cause("heat_source", None, None),) if math.isfinite(Context(fitted).repeats_s(REFERENCE)) else ()
     if cause not in ("sensor_drift", "sensor_lag"):
         return ()
     network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
@@ -272,34 +272,35 @@ def _or_physics(trial: Trial) -> tuple[Cause, ...]:
     return () if network.between[0, index, others].any() else (Cause("heat_source", node, "time_s"),)
 
 
-def _light_along(mechanism: Mechanism, fitted: Fitted) -> list[str]:
-    """The light that all records have and that goes along with what drives heat and is none itself."""
+def _collinear_light(mechanism: Mechanism, fitted: Fitted) -> list[str]:
+    """The logged light that is collinear with a driver of heat that is not light itself."""
     if mechanism.driver is None or mechanism.driver.columns[0].endswith(LIGHT):
         return []
-    light = [each for each in Scene(fitted).columns if each.endswith(LIGHT)]
-    return [each for each in light if twins(replace(mechanism, driver=Expression(each)), mechanism, fitted.records)]
+    light = [each for each in Context(fitted).columns if each.endswith(LIGHT)]
+    records = fitted.records
+    return [each for each in light if collinear(replace(mechanism, driver=Expression(each)), mechanism, records)]
 
 
-def _moves(record: Record) -> bool:
-    """Whether the ambient changes, or anything else that is logged and no temperature."""
+def _has_excitation(record: Record) -> bool:
+    """Whether the ambient, or any other logged input, changes."""
     inputs = (row for name, row in record.signals.items() if name == REFERENCE or not name.endswith("_degC"))
     return any(np.ptp(row) > 0 for row in inputs)
 
 
-def _held(there: Sequence[Mechanism], before: Fitted, records: Sequence[Record], other: Mechanism) -> bool:
+def _is_in_model(there: Sequence[Mechanism], before: Fitted, records: Sequence[Record], other: Mechanism) -> bool:
     """Whether another mechanism says the same as one that is there: by itself, or as the rest of it, where the same by
     the same driver was at its other places before."""
     cause, places, driver = other.key
     same = [each.places for each in before.model.mechanisms if driver and (each.cause, each.key[2]) == (cause, driver)]
     whole = replace(other, places=tuple(dict.fromkeys(chain(places, *same))))
     return any(
-        _says_the_same(other, each, records)
-        or (set(places) <= set(each.places) and _says_the_same(whole, each, records))
+        _is_equivalent(other, each, records)
+        or (set(places) <= set(each.places) and _is_equivalent(whole, each, records))
         for each in there
     )
 
 
-def _says_the_same(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:
+def _is_equivalent(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:
     """Whether ``one`` has the same cause, driven by the same columns or their twins, there and perhaps elsewhere.
 
     What nothing logged drives has to act at about the same time.
@@ -307,32 +308,33 @@ def _says_the_same(one: Mechanism, other: Mechanism, records: Sequence[Record]) 
     if one.cause != other.cause or not set(one.places) >= set(other.places):
         return False
     if one.driver is None and other.driver is None:
-        return one.lasts == other.lasts and (one.lasts or correlation(one, other, records) > COINCIDE)
-    if one.driver is None and not one.lasts:
-        return opens_with(one, other, records)
+        same = one.permanent == other.permanent
+        return same and (one.permanent or correlation(one, other, records) > MIN_CORRELATION)
+    if one.driver is None and not one.permanent:
+        return coincides_with(one, other, records)
     columns = [() if each.driver is None else each.driver.columns for each in (one, other)]
-    return columns[0] == columns[1] or _twins(one, other, records)
+    return columns[0] == columns[1] or _are_collinear(one, other, records)
 
 
-def _twins(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:
-    """Whether both have the same cause at the same places, by logged drivers that go together all the time."""
-    alike = (one.cause, one.places) == (other.cause, other.places) and one.lasts and other.lasts
-    return alike and one.driver is not None and other.driver is not None and twins(one, other, records)
+def _are_collinear(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:
+    """Whether both have the same cause at the same places, by collinear logged drivers."""
+    alike = (one.cause, one.places) == (other.cause, other.places) and one.permanent and other.permanent
+    return alike and one.driver is not None and other.driver is not None and collinear(one, other, records)
 
 
-def _handicap(other: Trial, chosen: Trial) -> float:
-    """An instrument has to do so much better than physics to be blamed, and so has what answers to the same cause."""
-    if other.mechanism.responds and not chosen.mechanism.responds:
-        return math.log(ANSWERS)
+def _penalty(other: Trial, chosen: Trial) -> float:
+    """Penalty on a sensor fault, and on an endogenous driver, compared with a physical cause."""
+    if other.mechanism.endogenous and not chosen.mechanism.endogenous:
+        return math.log(ENDOGENOUS_PENALTY)
     blamed = other.mechanism.instrument and not chosen.mechanism.instrument
-    judged = blamed and not _offset_or_heat(other.mechanism, chosen.mechanism)
-    return math.log(worse_physics(chosen.fitted.records)) if judged else 0.0
+    judged = blamed and not _is_offset_for_heat(other.mechanism, chosen.mechanism)
+    return math.log(fault_margin(chosen.fitted.records)) if judged else 0.0
 
 
-def _offset_or_heat(one: Mechanism, other: Mechanism) -> bool:
+def _is_offset_for_heat(one: Mechanism, other: Mechanism) -> bool:
     """Whether ``one`` is an offset of the sensor where ``other`` is constant heat: the same rise in a steady state."""
     constant = other.cause == "heat_source" and other.driver is None and one.cause == "sensor_bias"
-    return constant and one.places == other.places and one.lasts and other.lasts
+    return constant and one.places == other.places and one.permanent and other.permanent
 
 
 def ranking_of(selection: Selection, named: bool) -> tuple[Ranked, ...]:
@@ -346,26 +348,26 @@ def ranking_of(selection: Selection, named: bool) -> tuple[Ranked, ...]:
     return tuple(_ranked(selection.compared, trial, taken) for trial in best.values())
 
 
-def _ranked(step: Chosen, trial: Trial, taken: set[tuple[str, tuple[str, ...], str]]) -> Ranked:
+def _ranked(step: SelectionStep, trial: Trial, taken: set[tuple[str, tuple[str, ...], str]]) -> Ranked:
     mechanism, gain = trial.mechanism, _gain(step.before, trial.fitted, trial, step.tried)
     magnitude, _ = _numbers(trial.fitted, len(trial.fitted.model.mechanisms) - 1)
-    best = step.chosen and (step.chosen.mechanism.key, step.chosen.lasting)
+    best = step.chosen and (step.chosen.mechanism.key, step.chosen.permanent)
     if mechanism.key in taken:
         remark = "taken"
     elif trial.at_bounds:
-        remark = "a number ends at a physical bound"
-    elif taken and best == (mechanism.key, trial.lasting):
-        remark = "best by itself; what was taken does better together"
-    elif step.chosen is not None and _rival(trial, step.chosen):
+        remark = "a parameter ends at a physical bound"
+    elif taken and best == (mechanism.key, trial.permanent):
+        remark = "best single cause; the causes taken fit better together"
+    elif step.chosen is not None and _is_rival(trial, step.chosen):
         remark = "not distinguishable from the one taken"
     elif gain.rmse_after_degC > gain.rmse_before_degC * 0.95:
-        remark = "no sure gain on held-out data"
-    elif mechanism.responds:
-        remark = "a temperature that may answer to the same cause"
+        remark = "gain on held-out data not significant"
+    elif mechanism.endogenous:
+        remark = "a logged temperature that may respond to the same cause"
     elif mechanism.instrument:
-        remark = "an instrument, where physics does about as well"
+        remark = "a sensor fault, but a physical cause fits nearly as well"
     else:
-        remark = "gains less on held-out data" if step.chosen else "gains too little to matter"
+        remark = "smaller gain on held-out data" if step.chosen else "gain too small to matter"
     cause = cause_of(mechanism, trial.fitted.model.circuit)
     return Ranked(cause, mechanism.onset_s, mechanism.end_s, magnitude, gain, remark)
 
@@ -374,5 +376,5 @@ def unknown_step(bare: Fitted, longest: int) -> Step:
     """The step of a misfit that nothing explains."""
     error = bare.held_out_rmse_degC
     gain = Gain(error, error, (0.0, 0.0), 1.0)
-    sentence = f"The simulation is {error:.2f} degC off."
+    sentence = f"The simulation's error is {error:.2f} degC (RMSE)."
     return Step(Cause(UNKNOWN), None, None, None, 0.0, gain, (), sentence, {}, bare.residual_degC(longest))

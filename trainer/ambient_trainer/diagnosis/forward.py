@@ -1,4 +1,4 @@
-"""Every circuit can be read forward: ambient and drives in, the temperature of each node out.
+"""Forward form of a circuit: ambient and inputs in, the temperature of each measured node out.
 
 In ``rise`` form (the thesis's) the sensors are inputs and the ambient comes out. Turned round, nodes with a heat
 capacity are states that their sensors measure, nodes without one stay prescribed by theirs, and the ambient is
@@ -20,8 +20,8 @@ def forward(circuit: Circuit) -> Circuit:
     if any(AMBIENT in edge.between for edge in circuit.edges) and ambient not in nodes:
         nodes = (*nodes, ambient)
     if all(node.capacitance is not None for node in nodes):
-        hint = "join a node to the ambient: heat must have a way out"
-        raise refuse(circuit.name, "nodes", "nothing is prescribed", hint)
+        hint = "join a node to the ambient: heat needs a path to a boundary"
+        raise refuse(circuit.name, "nodes", "no temperature is prescribed", hint)
     read = [node for node in nodes if node.capacitance is not None and node.sensor is not None]
     if not read:
         hint = "take one with heat capacities, such as model2_ss, or write one"

@@ -1,4 +1,4 @@
-"""Known-good records of a device train its circuit: the diagnosis then asks what has changed since.
+"""Training of a circuit on known-good records of a device: the diagnosis then asks what has changed since.
 
 The circuit's numbers get a prior from them: moving a number in a later fit costs as much as it would make these records
 worse, each in proportion to what it leaves anyway. What good records lack of the circuit is added to it first.
@@ -11,17 +11,17 @@ import numpy as np
 
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.diagnosis.findings import left_degC
+from ambient_trainer.diagnosis.findings import residuals_degC
 from ambient_trainer.diagnosis.greybox.file import greybox_of
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, expected_start, fit, simulate
-from ambient_trainer.diagnosis.greybox.revision import beside
-from ambient_trainer.diagnosis.greybox.screening import lasting_candidates
+from ambient_trainer.diagnosis.greybox.revision import refit_as
+from ambient_trainer.diagnosis.greybox.screening import permanent_candidates
 from ambient_trainer.diagnosis.greybox.stepwise import Progress, bare_fit, stepwise
 from ambient_trainer.diagnosis.record import Record, records_of
 
 _FINEST_DEGC = 1e-3
-"""No instrument is better."""
+"""Minimum noise of a sensor."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class KnownGood:
         return simulate(self.model, record, self.model.z()[None], start[None])[0]
 
     def bare_fit(self, records: Sequence[Record]) -> Fitted:
-        """The circuit on other records, held by the known-good ones."""
+        """Fit of the circuit to other records, with the known-good ones as prior."""
         found = fit(self.model, records, prior=self.prior)
         assert found is not None, "what was fitted can be simulated"
         return found.refitted()
@@ -63,18 +63,18 @@ def train_on_baselines(
     """A forward ``circuit`` fitted to known-good traces, with what they need besides."""
     good = [each for trace in traces for each in records_of(circuit, trace, period_s)]
     bare = bare_fit(greybox_of(circuit), good)
-    final = _settled(stepwise(bare, progress=progress, offered=lasting_candidates).final)
-    noise = np.maximum(np.sqrt(np.nanmean(left_degC(final) ** 2, axis=1)), _FINEST_DEGC)
+    final = _drop_slow_masses(stepwise(bare, progress=progress, offered=permanent_candidates).final)
+    noise = np.maximum(np.sqrt(np.nanmean(residuals_degC(final) ** 2, axis=1)), _FINEST_DEGC)
     return KnownGood(final.model, Prior.trained(final), period_s, noise, final.held_out_rmse_degC)
 
 
-def _settled(fitted: Fitted) -> Fitted:
-    """Without bodies slower than the records, and what acts on them: each would take up whatever has changed since."""
+def _drop_slow_masses(fitted: Fitted) -> Fitted:
+    """Remove masses slower than the records, and what acts on them: each would absorb later changes."""
     model = fitted.model
     slow = next((index for index, each in enumerate(model.mechanisms) if each.slow), None)
     if slow is None:
         return fitted
     gone = [model.mechanisms[slow], *model.carried(slow)]
-    less = beside(fitted, replace(model, mechanisms=tuple(each for each in model.mechanisms if each not in gone)))
+    less = refit_as(fitted, replace(model, mechanisms=tuple(each for each in model.mechanisms if each not in gone)))
     # without it another one may have become as slow
-    return fitted if less is None else _settled(less)
+    return fitted if less is None else _drop_slow_masses(less)

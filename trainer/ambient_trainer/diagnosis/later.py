@@ -1,4 +1,4 @@
-"""The error of the bare and the extended circuit on time that no step of a diagnosis has seen.
+"""Simulation error of the bare and the extended circuit on time that no step of a diagnosis has used.
 
 Both are simulated forward from the beginning of the trace and run on, without a reading, through the time that is
 scored: their start is fitted to what lies before it. The extended circuit is the one in its file.

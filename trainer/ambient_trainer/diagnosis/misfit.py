@@ -1,4 +1,4 @@
-"""The misfit of a circuit: where the simulation and the sensors part, and the heat that would explain it.
+"""Misfit of a circuit: residuals of its simulation, and the unmeasured heat that would explain them.
 
 Whatever the circuit's own flows are, what is measured less what is simulated, r, obeys C dr/dt = C A r + q, where q is
 the heat that the circuit does not know: it is read off at each node with a sensor, as C dr/dt less the flows that r

@@ -1,4 +1,4 @@
-"""The next experiment: what to switch, which sensor to read, and what each of two explanations predicts for it.
+"""Design of the next experiment: the input step after which two competing models' predictions differ most.
 
 Both models are simulated from rest through every step of one logged input, or of one after the ambient has changed; the
 step after which a sensor differs most, in units of what is left there, is proposed.
@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.findings import cause_of, left_degC
+from ambient_trainer.diagnosis.findings import cause_of, residuals_degC
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import Fitted, simulate
 from ambient_trainer.diagnosis.greybox.stepwise import Selection
@@ -66,22 +66,24 @@ def next_experiment(selection: Selection, steps: Sequence[Step]) -> str:
         return _second_thermometer(rival.mechanism.places[0], str(steps[0].cause), name)
     heat = [str(each) for each in steps[0].indistinguishable_from if each.name == "heat_source"]
     if chosen.mechanism.instrument and heat and not chosen.mechanism.places:
-        moved = "Put the device and its reference into another room at once: their readings turn at one logged time"
-        return f"{moved} if {heat[0]}, and not if {steps[0].cause}."
+        moved = "Put the device and its reference into another room at once: both respond at the same logged time"
+        return f"{moved} if the cause is {heat[0]}, at different ones if it is {steps[0].cause}."
     if chosen.mechanism.instrument and heat:
         return _second_thermometer(chosen.mechanism.places[0], heat[0], str(steps[0].cause))
     found = _largest(taken, other)
     if found is None or found.sigmas < _SURE:
-        return f"No step of one logged input separates {steps[0].cause} from this: {name}. Log twice as long, and more."
+        return f"No step of one logged input distinguishes {steps[0].cause} from {name}. Log longer, and more signals."
     return (
-        f"From rest, take `{found.column}` from {found.rest:g} to {found.level:g}: after {duration(found.after_s)},"
-        f" `{found.sensor}` reads {found.readings_degC[0]:.2f} degC if {steps[0].cause},"
-        f" {found.readings_degC[1]:.2f} degC if {name} (standard deviation {digits(found.sd_degC, 2)} degC)."
+        f"From steady state, take `{found.column}` from {found.rest:g} to {found.level:g}:"
+        f" after {duration(found.after_s)}, `{found.sensor}` reads {found.readings_degC[0]:.2f} degC if it is"
+        f" {steps[0].cause}, {found.readings_degC[1]:.2f} degC if {name} (standard deviation"
+        f" {digits(found.sd_degC, 2)} degC)."
     )
 
 
 def _second_thermometer(place: str, physics: str, fault: str) -> str:
-    return f"Hold a second thermometer to `{place}`: it reads the same if {physics}, and not if {fault}."
+    agree = f"it agrees with the sensor if the cause is {physics}"
+    return f"Attach a second thermometer at `{place}`: {agree} and disagrees if it is {fault}."
 
 
 def _closest(selection: Selection, step: Step, chosen: Trial) -> Trial | None:
@@ -100,7 +102,7 @@ def _columns(trial: Trial) -> tuple[str, ...]:
 
 def _largest(one: Fitted, other: Fitted) -> Difference | None:
     """The switch after which two models differ most."""
-    sd = np.sqrt(np.nanmean(left_degC(one) ** 2, axis=1)) + 1e-6
+    sd = np.sqrt(np.nanmean(residuals_degC(one) ** 2, axis=1)) + 1e-6
     read = np.concatenate([record.sensors for record in one.records], axis=1)
     seen_degC = float(np.nanmin(read)) - _BEYOND_K, float(np.nanmax(read)) + _BEYOND_K
     found = (_difference(one, other, *switch, sd, seen_degC) for switch in _switches(one, other))
@@ -128,8 +130,8 @@ def _difference(
 
 def _simulated(model: GreyBox, record: Record) -> Array:
     """What sensors read, (s, N); what acted for a while is made to act all the time."""
-    lasting = tuple(replace(each, onset_s=None, end_s=None) for each in model.mechanisms)
-    model = replace(model, mechanisms=lasting)
+    permanent = tuple(replace(each, onset_s=None, end_s=None) for each in model.mechanisms)
+    model = replace(model, mechanisms=permanent)
     nodes = len(model.network(record, model.z()[None]).nodes)
     return simulate(model, record, model.z()[None], np.full((1, nodes), _STARTS_DEGC))[0]
 
@@ -167,9 +169,9 @@ def _switches(one: Fitted, other: Fitted) -> Iterator[tuple[str, float, float]]:
 
 def _survey(final: Fitted) -> str:
     """Every input by itself; the sensor to watch is the one that is most off."""
-    off, circuit = np.sqrt(np.nanmean(left_degC(final) ** 2, axis=1)), final.model.circuit
+    off, circuit = np.sqrt(np.nanmean(residuals_degC(final) ** 2, axis=1)), final.model.circuit
     worst, columns = int(np.argmax(off)), ", ".join(f"`{name}`" for name in circuit.inputs)
     return (
-        f"From rest, change {columns} one at a time and back again, and log what else goes on at"
+        f"From steady state, change {columns} one at a time and back again, and log what else acts on"
         f" `{circuit.outputs[worst].name}`, where {digits(off[worst], 2)} degC are unexplained."
     )

@@ -1,4 +1,4 @@
-"""A trace as the diagnosis sees it: one uniform grid, every logged column on it, means over each interval.
+"""Records of a trace for the diagnosis: a uniform grid with every logged column averaged over each interval.
 
 Means keep the heat of short bursts, and lower noise. But straight lines between means of an air that jumps are another
 air: a circuit is simulated in the log's own samples, and compared by means over several of these steps. Where a change

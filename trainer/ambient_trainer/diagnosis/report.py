@@ -12,7 +12,7 @@ import pandas as pd
 
 from ambient_trainer.diagnosis import figures
 from ambient_trainer.diagnosis.greybox.file import kinds
-from ambient_trainer.diagnosis.residual_tests import residual_memory_s
+from ambient_trainer.diagnosis.residual_tests import correlation_s
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Array, Cause, Diagnosis, Magnitude, Ranked, Step, Tested
 from ambient_trainer.report import Block, Facts, Figure, Finding, Report, Section, Status, Table
 from ambient_trainer.report.files import finite
@@ -61,7 +61,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
     if step is None:
         return (
             f"Nothing is missing: of the {tried} none makes {diagnosis.circuit} predict data it was not fitted to "
-            "surely better, and by enough to matter."
+            "significantly better, and by enough to matter."
         )
     if step.cause.name == UNKNOWN:
         return f"Something is missing that none of the {tried} explains. {step.sentence}"
@@ -80,7 +80,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
 
 
 def noun(cause: Cause) -> str:
-    """``cause`` as a noun: ``heat that the circuit does not know, at flash, driven by camera_on``."""
+    """``cause`` as a noun: ``an unmodelled heat source, at flash, driven by camera_on``."""
     words = next((each.noun for each in kinds().values() if each.cause == cause.name), cause.name.replace("_", " "))
     if cause.location is not None:
         place = str(cause.place)
@@ -111,11 +111,11 @@ def _facts(diagnosis: Diagnosis) -> Facts:
     for step in diagnosis.explained[:1]:
         pairs.append(("when", window(step.onset_s, step.end_s)))
         if step.magnitude is not None:
-            pairs.append(("how much", f"{magnitude_text(step.magnitude)}: {step.magnitude.meaning}"))
+            pairs.append(("magnitude", f"{magnitude_text(step.magnitude)}: {step.magnitude.meaning}"))
         pairs.append(("confidence", f"{100 * step.confidence:.1f} %"))
     if diagnosis.explained_share is not None:
         floor = f"a black box with the same inputs leaves {_degrees(diagnosis.floor_degC or 0.0)} degC"
-        pairs.append(("explained", f"{100 * diagnosis.explained_share:.0f} % of what can be: {floor}"))
+        pairs.append(("explained", f"{100 * diagnosis.explained_share:.0f} % of the explainable error: {floor}"))
     return Facts(pairs)
 
 
@@ -174,7 +174,7 @@ def _tests(diagnosis: Diagnosis) -> Section:
     tests = diagnosis.misfit.tests
     # any misfit leaves a residual that is not white: what it follows says more
     beyond = sorted((each for each in tests if each.significant), key=lambda each: each.name in _OF_WHITENESS)
-    found = [Finding(f"{len(beyond)} of {len(tests)} tests of the residual are beyond chance.")]
+    found = [Finding(f"{len(beyond)} of {len(tests)} tests of the residual are significant.")]
     found += [Finding(each.sentence, label=each.name) for each in beyond[:SHOWN_RANKED]]
     if (more := len(beyond) - SHOWN_RANKED) > 0:
         found.append(Finding(f"And {more} more: --report or --json shows them all."))
@@ -193,8 +193,8 @@ def _method(diagnosis: Diagnosis) -> Section:
 _METHOD = (
     "Every candidate is a small extension of the circuit, fitted to one part of the data and scored on blocks of time, "
     "or whole traces, that it was not fitted to. Effects are added one after the other until none gains. p-values are "
-    "corrected for the number of candidates tried and for the residual's autocorrelation; where two candidates explain "
-    "the data alike, the simpler one is taken and the other named."
+    "corrected for the number of candidates tried and for the residual's autocorrelation; where two candidates fit the "
+    "data equally well, the simpler one is selected and the other named."
 )
 
 
@@ -202,7 +202,7 @@ def steps_table(diagnosis: Diagnosis) -> Table:
     """One row a step."""
     caption = (
         "Held-out: the simulation's RMSE over all sensors in degC, on blocks of time that it was not fitted to, "
-        "without and with the cause, of causes that show themselves only together beside all others; the interval "
+        "without and with the cause, of causes that are found only together beside all others; the interval "
         f"(95 %) is of their difference. p is corrected for the {diagnosis.candidates_tried:,} candidates tried."
     )
     rows = [
@@ -238,10 +238,10 @@ def residual_tests_table(tests: Sequence[Tested]) -> Table:
     """One row a test, the significant ones first."""
     caption = (
         "Thresholds: the textbook's; all but those of whiteness, periodogram and memory hold for any autocorrelation, "
-        "and together, so that without any effect one report in 20 is meant to have any of them beyond chance; where "
+        "and together, so that without any effect one report in 20 is meant to have any significant one; where "
         "half of a residual is white noise and half is slow, it is one in 7."
     )
-    columns = ("test", "subject", "result", "statistic", "threshold", "beyond chance")
+    columns = ("test", "subject", "result", "statistic", "threshold", "significant")
     rows = [
         (t.name, t.subject, t.sentence, digits(t.statistic), digits(t.threshold), "yes" if t.significant else "no")
         for t in sorted(tests, key=lambda each: not each.significant)
@@ -255,10 +255,10 @@ def residuals_table(diagnosis: Diagnosis) -> Table:
     rows = []
     for number, (sensor, own) in enumerate(_residuals(diagnosis).items()):
         after = [_degrees(_figures(diagnosis, each[number])["rmse_degC"]) for each in last]
-        memory = duration(own["memory_s"]) if math.isfinite(own["memory_s"]) else "-"
-        rows.append((sensor, _degrees(own["rmse_degC"]), *after, _degrees(own["std_degC"]), memory))
-    caption = "In degC, over the whole trace. Memory: time until the residual's autocorrelation is 1/e."
-    return Table(caption, ("sensor", "RMSE", *["RMSE with every step"] * len(last), "std", "memory"), rows)
+        span = duration(own["memory_s"]) if math.isfinite(own["memory_s"]) else "-"
+        rows.append((sensor, _degrees(own["rmse_degC"]), *after, _degrees(own["std_degC"]), span))
+    caption = "In degC, over the whole trace. Correlation time: until the residual's autocorrelation is 1/e."
+    return Table(caption, ("sensor", "RMSE", *["RMSE with every step"] * len(last), "std", "correlation time"), rows)
 
 
 def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -309,8 +309,8 @@ def _step_data(step: Step) -> dict[str, Any]:
 def _nothing(diagnosis: Diagnosis) -> dict[str, Any]:
     """The verdict where nothing is missing, with the keys that every step has."""
     empty = dict.fromkeys(("onset_s", "end_s", "magnitude", "gain", "confidence"))
-    said = {"indistinguishable_from": [], "sentence": headline(diagnosis), "parameters": {}}
-    return {**_cause_data(Cause(NONE)), **empty, **said}
+    rest = {"indistinguishable_from": [], "sentence": headline(diagnosis), "parameters": {}}
+    return {**_cause_data(Cause(NONE)), **empty, **rest}
 
 
 def _cause_data(cause: Cause) -> dict[str, Any]:
@@ -330,5 +330,5 @@ def _residuals(diagnosis: Diagnosis) -> dict[str, dict[str, float]]:
 def _figures(diagnosis: Diagnosis, values: Array) -> dict[str, float]:
     """Root mean square, standard deviation and autocorrelation time of a residual (N,); NaN where nothing is known."""
     known = pd.Series(values[np.isfinite(values)])
-    rmse, memory_s = float(np.sqrt((known**2).mean())), residual_memory_s(diagnosis.time_s, values)
-    return {"rmse_degC": rmse, "std_degC": float(known.std(ddof=0)), "memory_s": memory_s}
+    rmse, time_s = float(np.sqrt((known**2).mean())), correlation_s(diagnosis.time_s, values)
+    return {"rmse_degC": rmse, "std_degC": float(known.std(ddof=0)), "memory_s": time_s}

@@ -107,10 +107,10 @@ class Tested:
     sentence: str
 
     @staticmethod
-    def of(name: str, subject: str, said: str, otherwise: str, statistic: float, threshold: float) -> "Tested":
+    def of(name: str, subject: str, if_significant: str, if_not: str, statistic: float, threshold: float) -> "Tested":
         """A test that says of its sensor one thing where it is significant, and another where not."""
         significant = bool(statistic > threshold)
-        sentence = f"{subject.split(',')[0]}: {said if significant else otherwise}."
+        sentence = f"{subject.split(',')[0]}: {if_significant if significant else if_not}."
         return Tested(name, subject, float(statistic), float(threshold), significant, sentence)
 
 

@@ -1,4 +1,4 @@
-"""A circuit as a structure: resistances, capacitances and source shares are searched, weights and offsets are solved.
+"""A circuit as a separable structure: R, C and source shares are searched, weights and offsets solved for.
 
 A segment starts from thermal equilibrium with its first sample where the ambient is estimated, and from any state where
 nodes are predicted: each initial state is then one more linear unknown, whose regressor is its own decay.

@@ -1,4 +1,4 @@
-"""The black-box yardstick: the free linear filter, whose poles are searched and whose every gain is solved for.
+"""Free linear filter, the black-box benchmark: its poles are searched, and every gain is solved for.
 
     y = d' u + offset + sum_i b_i(s)' u / p_i(s)
 
@@ -187,7 +187,7 @@ def _delayed(rows: Array, steps: int) -> Array:
     return np.concatenate([np.repeat(rows[:, :1], steps, axis=1), rows[:, :-steps]], axis=1)[:, : rows.shape[1]]
 
 
-class Run(NamedTuple):
+class WeightedRun(NamedTuple):
     """A run, what it counts (the root of the weight of a squared error), and whether the filter's offset is in it."""
 
     segment: Segment
@@ -195,17 +195,19 @@ class Run(NamedTuple):
     absolute: bool
 
 
-def weighted_filter(order: int, runs: Sequence[Run], unit_gain: float, noise: float, offset: float = 0.0) -> FreeFilter:
+def weighted_filter(
+    order: int, runs: Sequence[WeightedRun], unit_gain: float, noise: float, offset: float = 0.0
+) -> FreeFilter:
     """The free filter of order N over weighted runs, and the weights of what physics demands, as those of a run."""
     period_s, inputs = runs[0].segment.period_s, len(runs[0].segment.inputs)
     target = np.where(np.arange(_STEADY) > 0, np.nan, 1.0)
-    demands = [Run(Segment(period_s, np.ones((inputs, _STEADY)), target[None]), unit_gain, False)]
+    demands = [WeightedRun(Segment(period_s, np.ones((inputs, _STEADY)), target[None]), unit_gain, False)]
     # the first sample sets the equilibrium
     impulse = np.append(0.0, np.eye(1, min(_IMPULSE, max(each.segment.inputs.shape[1] for each in runs)) - 1))
     for values, weight in ((impulse, noise), (np.ones(_STEADY), offset / np.sqrt(_STEADY))):
         alone = np.eye(inputs)[:, :, None] * values
         nothing = np.zeros((1, len(values)))
-        demands += [Run(Segment(period_s, u, nothing), weight, False) for u in alone if weight]
+        demands += [WeightedRun(Segment(period_s, u, nothing), weight, False) for u in alone if weight]
     every = [*runs, *demands]
     segments = [Segment(period_s, weight * s.inputs, weight * s.outputs) for s, weight, _ in every]
     return FreeFilter(order, segments, [each.weight * each.absolute for each in every])

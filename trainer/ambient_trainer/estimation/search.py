@@ -1,4 +1,4 @@
-"""The search from several starts, on what variable projection leaves of the problem.
+"""Multistart search of the nonlinear parameters by variable projection.
 
 A budget that is spent or cancelled ends it between two evaluations, never an exception raised on itself; the result is
 then the best so far, marked as stopped. Who cancels holds the budget; who searches asks it.
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.estimation.structure import LONGEST_STEP, Evaluation, Structure, project
+from ambient_trainer.estimation.structure import LONGEST_STEP, Projection, Structure, project
 
 _SHORT = 1e-5
 _SMALLEST_GAIN = 1e-10
@@ -50,7 +50,7 @@ class Budget:
 
 
 def descend(
-    evaluate: Callable[[Array], Evaluation],
+    evaluate: Callable[[Array], Projection],
     start: Array,
     low: Array,
     high: Array,
@@ -101,13 +101,13 @@ def descend(
     return point, False
 
 
-def _gain(here: Evaluation, step: Array) -> float:
+def _gain(here: Projection, step: Array) -> float:
     """By how much the linear model's sum of squares falls along ``step``."""
     change = here.jacobian @ step
     return -float(change @ (2 * here.residual + change))
 
 
-def _step(here: Evaluation, lengths: Array, loose: NDArray[np.bool_], damping: float) -> Array:
+def _step(here: Projection, lengths: Array, loose: NDArray[np.bool_], damping: float) -> Array:
     """The damped step.
 
     An unknown whose column is short beside the longest is damped as if it were not: what rounding leaves of a column
@@ -141,7 +141,7 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class SearchResult:
+class MultistartResult:
     """The best of all starts, every start's end, and whether the budget stopped the search."""
 
     best: Solution
@@ -162,7 +162,7 @@ def search(
     progress: Progress | None = None,
     budget: Budget | None = None,
     first: int = 0,
-) -> SearchResult:
+) -> MultistartResult:
     """Best of several descents, those from number ``first`` on: 0 from the initial values, others from random places.
 
     Where the ``budget`` ends it, the result is the best so far, marked as stopped; at least one evaluation is made.
@@ -176,10 +176,10 @@ def search(
     for number, theta in enumerate(places[first:]):
         ends.append(run.descend(number, theta))
         if run.over():
-            return SearchResult(run.best, tuple(ends), run.spent, stopped=True)
+            return MultistartResult(run.best, tuple(ends), run.spent, stopped=True)
     if not run.best.converged:
         run.finish(starts - 1)
-    return SearchResult(run.best, tuple(ends), run.spent, run.over())
+    return MultistartResult(run.best, tuple(ends), run.spent, run.over())
 
 
 class _Run:
@@ -216,20 +216,20 @@ class _Run:
 
     def _begin(self, number: int) -> None:
         self._number, self._evaluations = number, 0
-        self._at: tuple[bytes, Evaluation] | None = None
+        self._at: tuple[bytes, Projection] | None = None
 
     def _descended(self, theta: Array, most: int, patience: int | None) -> tuple[Array, bool]:
         bounds = self.structure.search
         return descend(self._evaluate, theta, bounds.low, bounds.high, most, patience, self.over, bounds.longest_step)
 
-    def _evaluate(self, theta: Array) -> Evaluation:
+    def _evaluate(self, theta: Array) -> Projection:
         """The residual, and below it by how much theta leaves its bounds of plausibility, weighed like the data."""
         key = theta.tobytes()
         if self._at is None or self._at[0] != key:
             found = project(self.structure, theta)
             penalty, slope = self.structure.penalty(theta)
             residual = np.concatenate([found.residual, self.weight * penalty])
-            self._at = (key, Evaluation(residual, np.concatenate([found.jacobian, self.weight * slope])))
+            self._at = (key, Projection(residual, np.concatenate([found.jacobian, self.weight * slope])))
             self._evaluations += 1
             self.spent += 1
             square = float(found.residual @ found.residual)

@@ -1,4 +1,4 @@
-"""A structure is what can be fitted: outputs that are linear in some unknowns beta and not in the others, theta.
+"""Structures that can be fitted: outputs linear in some unknowns beta and nonlinear in the others, theta.
 
 y_o = f_o(theta) + sum_i beta_i F_oi(theta)
 
@@ -97,7 +97,7 @@ class Linearised(NamedTuple):
     slopes: Array
 
 
-class Evaluation(NamedTuple):
+class Projection(NamedTuple):
     """The residual (r,) and its Jacobian (r, P) at a point; of a structure in compressed rows, with beta (p,)."""
 
     residual: Array
@@ -105,11 +105,11 @@ class Evaluation(NamedTuple):
     beta: Array = np.zeros(0)
 
 
-def project(structure: Structure, theta: Array) -> Evaluation:
+def project(structure: Structure, theta: Array) -> Projection:
     """Solve for the linear unknowns within their bounds and differentiate what is left."""
     beta, loose, target, free, slopes = linearise(structure, theta)
     U, _ = _pseudo_inverse(free[:, loose])
-    return Evaluation(target - free @ beta, U @ (U.T @ slopes) - slopes, beta)
+    return Projection(target - free @ beta, U @ (U.T @ slopes) - slopes, beta)
 
 
 def linearise(structure: Structure, theta: Array, beta: Array | None = None) -> Linearised:

@@ -1,4 +1,4 @@
-"""Standard errors that survive residuals which are not white, and which parameters the data leave open.
+"""Standard errors that are valid for autocorrelated residuals, and parameters that the data do not determine.
 
 The covariance of the unknowns is the sandwich H^-1 (sum_b g_b g_b') H^-1 with H = J'J and g_b the sum of J_t r_t of
 all outputs over a batch of samples longer than the residuals remember (batch means: Geyer 1992, Statistical Science
@@ -19,8 +19,8 @@ from ambient_trainer.estimation.structure import Structure
 
 _NULL = 1e-8
 _INVOLVED = 0.05
-_MEMORIES_PER_BATCH = 2, 8
-"""At least, and at most: the longer a batch, the less of it the next one remembers, but the fewer there are."""
+_TIMES_PER_BATCH = 2, 8
+"""At least, and at most: the longer a batch, the less it correlates with the next, but the fewer there are."""
 _SPARE = 20
 """More batches than unknowns are wanted by so many."""
 _WHITE = 1.3
@@ -57,36 +57,36 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     loose = np.flatnonzero(~at_bound)
     J = np.concatenate([each[loose].reshape(len(loose), each[0].size).T for each in rows])
     scale = np.linalg.norm(J, axis=0)
-    silent = scale == 0
-    scale[silent] = 1.0
+    insensitive = scale == 0
+    scale[insensitive] = 1.0
     _, singular, Vt = np.linalg.svd(np.linalg.qr(J / scale, mode="r"))
     kept = singular > _NULL * singular[0] if len(singular) else singular.astype(bool)
-    blind = Vt[~kept]
-    known = ~silent & ((blind**2).sum(axis=0) < _INVOLVED**2)
+    null_directions = Vt[~kept]
+    known = ~insensitive & ((null_directions**2).sum(axis=0) < _INVOLVED**2)
     inverse = (Vt[kept].T / singular[kept]) @ (Vt[kept] / singular[kept][:, None]) / np.outer(scale, scale)
     outputs = [row[~np.isnan(row)] for each in errors for row in each]
-    memory = max((residual_memory(each) for each in outputs if len(each)), default=1.0)
+    correlation_samples = max((autocorrelation_time(each) for each in outputs if len(each)), default=1.0)
     samples = sum(each.shape[1] for each in errors)
-    memories = np.clip(samples / memory / (len(loose) + _SPARE), *_MEMORIES_PER_BATCH)
-    batch = 1 if memory < _WHITE else math.ceil(memories * memory)
+    batch_times = np.clip(samples / correlation_samples / (len(loose) + _SPARE), *_TIMES_PER_BATCH)
+    batch = 1 if correlation_samples < _WHITE else math.ceil(batch_times * correlation_samples)
     slopes = [np.einsum("kqn,qn->nk", J_t[loose], np.nan_to_num(r)) for J_t, r in zip(rows, errors) if r.size]
     scores = np.concatenate([np.add.reduceat(s, np.arange(0, len(s), batch), axis=0) for s in slopes])
     spare = len(scores) - len(loose)
     standard_error = np.full(len(names), np.nan)
     if spare >= 5:
-        # what is remembered from one batch to the next is half a memory, and lacks in the batches' variance
-        short = batch / (batch - memory / 2) if batch > 1 else 1.0
+        # neighbouring batches share half an autocorrelation time, which lacks in the batches' variance
+        short = batch / (batch - correlation_samples / 2) if batch > 1 else 1.0
         covariance = inverse @ (scores.T @ scores) @ inverse * (short * len(scores) / spare)
         standard_error[loose] = np.where(known, np.sqrt(np.diag(covariance)), np.nan)
     identifiable = np.ones(len(names), dtype=bool)
     identifiable[loose] = known
-    involved = [loose[np.abs(direction) > _INVOLVED] for direction in blind]
+    involved = [loose[np.abs(direction) > _INVOLVED] for direction in null_directions]
     confounded = tuple(tuple(names[k] for k in each) for each in involved)
     quantile = float(stats.t.ppf(0.975, max(spare, 1)))
-    return Uncertainty(names, standard_error, quantile, at_bound, identifiable, confounded, memory)
+    return Uncertainty(names, standard_error, quantile, at_bound, identifiable, confounded, correlation_samples)
 
 
-def residual_memory(errors: Array) -> float:
+def autocorrelation_time(errors: Array) -> float:
     """The integrated autocorrelation time of ``errors`` (N,) in samples, by Geyer's initial positive sequence."""
     centred = errors - errors.mean()
     count = len(centred)

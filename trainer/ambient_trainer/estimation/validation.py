@@ -1,4 +1,4 @@
-"""Errors on blocks of time that a fit has not seen.
+"""Cross-validation errors on blocks of time that a fit has not used.
 
 :func:`cut_in_blocks` leaves a gap on either side, for whole estimators: errors are autocorrelated. :func:`held_out`,
 for orders and intervals, takes successive blocks of all segments together, without a gap.

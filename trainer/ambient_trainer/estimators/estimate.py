@@ -1,4 +1,4 @@
-"""Estimates over a whole trace: by arrays where it has no gap, by the device's own tracker where it has."""
+"""Estimates over a whole trace: vectorised where it has no gap, by the device's own tracker where it has."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""A fitted system becomes a model file: discretised at every period, with its own test vector and its provenance.
+"""Export of a fitted system as a model file: discretised at every period, with a test vector and provenance.
 
 The provenance holds the traces that it was trained on, and the baseline that was fitted beside it; both are read again.
 """
@@ -181,7 +181,7 @@ class TrainingSpan(Strict, extra="ignore"):
         return f"{self.trace}, {start} to {stop}"
 
 
-class Baseline(Strict, extra="ignore"):
+class BaselineScores(Strict, extra="ignore"):
     """The static baseline: ambient = sum of gain x input + offset."""
 
     gains: dict[str, float]
@@ -195,7 +195,7 @@ class Provenance(Strict, extra="ignore"):
     """What a model was trained on, and the static linear baseline; None where the file has none or another kind."""
 
     training: tuple[TrainingSpan, ...] = ()
-    baseline: Annotated[Baseline | None, _OF_THIS_KIND] = None
+    baseline: Annotated[BaselineScores | None, _OF_THIS_KIND] = None
 
 
 class _File(Strict):

@@ -1,4 +1,4 @@
-"""What a device may expect of its readings, from the training traces: see :mod:`ambient_model.validation`.
+"""Expected ranges, rates and levels of a device's readings: see :mod:`ambient_model.validation`.
 
 Lags and regularisation of the joint distribution are those with the least differences on blocks that were left out; the
 gates are the largest differences there, with a margin.

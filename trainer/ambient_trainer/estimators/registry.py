@@ -1,4 +1,4 @@
-"""Names become estimators: each module in ``library`` is asked for its own; any other name is a circuit's.
+"""Lookup of estimators by name: the modules in ``library`` first; any other name is a circuit.
 
 An entry point in the group ``ambient_trainer.estimators.library`` counts like a module there.
 """

@@ -1,4 +1,4 @@
-"""A search's end becomes a fit: the system, what is known of each unknown, and the errors it leaves."""
+"""Conversion of a search's result to a fit: the system, its parameters' uncertainty, and its errors."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -9,7 +9,7 @@ import numpy as np
 from ambient_model.model import Beyond
 from ambient_model.trace import split_column
 from ambient_trainer.data import Segment
-from ambient_trainer.estimation import FreeFilter, Progress, SearchResult, Structure
+from ambient_trainer.estimation import FreeFilter, MultistartResult, Progress, Structure
 from ambient_trainer.estimation.error_variance import Moment, fit_error_variance, half_widths
 from ambient_trainer.estimation.uncertainty import Uncertainty, residuals, uncertainty
 from ambient_trainer.estimators.base import Effort, Fit, ParameterEstimate, Training, fit_static_linear
@@ -25,7 +25,7 @@ MODES = ("mode1", "mode2", "mode3", "mode4")
 
 def fit_of(
     structure: Structure,
-    result: SearchResult,
+    result: MultistartResult,
     effort: Effort,
     system: StateSpace,
     unknowns: Iterable[tuple[str, str, float, bool]],
@@ -90,7 +90,7 @@ def _estimated(name: str, unit: str, value: float, logarithmic: bool, known: Unc
 
 
 def filter_fit(
-    name: str, training: Training, order: int, result: SearchResult, effort: Effort, unit_gain: bool = True
+    name: str, training: Training, order: int, result: MultistartResult, effort: Effort, unit_gain: bool = True
 ) -> Fit:
     """The fit of a free filter that was searched over the log, or over more.
 

@@ -1,4 +1,4 @@
-"""How wrong a model is, on data that it did not see, and how wrong an instrument: a probe, a unit, a clock."""
+"""Errors of a model on data that it was not fitted to, and of an instrument: a probe, a unit, a clock."""
 
 from ambient_trainer.evaluation import correction
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_trace

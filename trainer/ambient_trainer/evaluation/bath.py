@@ -1,4 +1,4 @@
-"""A probe's offset is the reference's mean excess over it while both were settled in the same bath.
+"""Calibration offset of a probe: the reference's mean excess over it while both are settled in one bath.
 
 The record of a bath is a table over ``time_s``: the reference first, then the probes, in degC, NaN where there is no
 reading. Settled is a window in which neither the reference nor any probe against it drifts by more than is allowed, by
@@ -16,7 +16,7 @@ import pandas as pd
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_trainer.data.probe_offsets import OffsetPoint, ProbeOffset
 from ambient_trainer.data.trace import Trace, load_trace, save_trace
-from ambient_trainer.estimation.uncertainty import residual_memory
+from ambient_trainer.estimation.uncertainty import autocorrelation_time
 
 LARGEST_OFFSET_K = 5.0
 """Twice what the worst class of thermocouples is allowed: more is a probe that is not in the bath."""
@@ -120,7 +120,7 @@ def calibrated(windows: Sequence[pd.DataFrame], source: str) -> dict[str, ProbeO
 def _point(pairs: np.ndarray) -> OffsetPoint:
     """The offset from (reference, probe) in degC, shape (n, 2)."""
     excess_K = pairs[:, 0] - pairs[:, 1]
-    independent = max(len(excess_K) / max(residual_memory(excess_K), 1.0), 1.0)
+    independent = max(len(excess_K) / max(autocorrelation_time(excess_K), 1.0), 1.0)
     error_K = float(excess_K.std(ddof=1) / math.sqrt(independent))
     mean_degC, offset_K = float(pairs[:, 1].mean()), float(excess_K.mean())
     return OffsetPoint(reading_degC=mean_degC, offset_K=offset_K, standard_error_K=error_K)

@@ -1,4 +1,4 @@
-"""What a flexible black box with a model's inputs leaves on held-out blocks of time: how much can be explained at all.
+"""Lower bound of the error: what a flexible black box with a model's inputs leaves on held-out blocks of time.
 
 It reads the past of the inputs, never a sensor. Its features are exponential moving averages of every input over a
 ladder of time constants, which are the states of all first-order lags; of squares, products and pieces of the inputs

@@ -1,4 +1,4 @@
-"""The shift between the clocks of two loggers, by what their columns share.
+"""Estimation of the shift between the clocks of two loggers from what their columns share.
 
 A column that both have under one name is the same curve read twice: y(t) = c + g x(t - s). Where they have none, a
 column of one drives one of the other through first-order lags, y = c + g L(x)(t - s). A body that is more than its lags
@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from ambient_trainer.data import Array, Trace, sampling_period_s
-from ambient_trainer.estimation.uncertainty import residual_memory
+from ambient_trainer.estimation.uncertainty import autocorrelation_time
 from ambient_trainer.lti.lag import lagged
 
 _MOST_SAMPLES = 50_000
@@ -217,7 +217,7 @@ def _matched(y: _Series, x: _Series, lags_s: tuple[float, ...], within_s: float 
     values, driver = y.at(on_y), x.at(on_y - shift_s, lags_s)
     both = ~np.isnan(values + driver)
     residual = _projected(values[both], driver[both])
-    behind = len(residual) / residual_memory(residual) * np.log(left / left[best])
+    behind = len(residual) / autocorrelation_time(residual) * np.log(left / left[best])
     peaks = [each for each in signal.find_peaks(-behind)[0] if behind[each] < _AS_GOOD and each != best]
     # the nearest first; there is a valley between them and the best
     apart = [each for each in peaks if behind[min(each, best) : max(each, best)].max() > _AS_GOOD]

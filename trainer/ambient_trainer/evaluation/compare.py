@@ -1,4 +1,4 @@
-"""Estimators side by side: each fitted to the same samples, each scored on the same samples that none was fitted to."""
+"""Comparison of estimators: each fitted to the same samples and scored on the same held-out samples."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _CAPTION = (
 
 
 @dataclass(frozen=True)
-class Contender:
+class ScoredFit:
     """A fitted estimator, its model, and its scores on held-out samples."""
 
     fit: Fit
@@ -31,7 +31,7 @@ class Contender:
 
 
 @dataclass(frozen=True)
-class Contest:
+class Split:
     """What every contender is fitted to, and the trace that it is scored on from ``split_s`` on."""
 
     training: Sequence[Trace]
@@ -44,41 +44,41 @@ class Contest:
         return sum(len(trace.time_s) for trace in self.training)
 
 
-def split_contest(trace: Trace, split_s: float) -> Contest:
+def split_at(trace: Trace, split_s: float) -> Split:
     """Fit to the trace before ``split_s``, score on the rest of it."""
     first_s, last_s = trace.time_s[0], trace.time_s[-1]
     if not first_s < split_s <= last_s:
         problem = f"{split_s:.10g} s leaves nothing on one side of {trace.path} ({first_s:.10g} to {last_s:.10g} s)"
         raise refuse("--split", "", problem, "choose a time in between")
-    return Contest([trace.cut(None, split_s)], trace, split_s)
+    return Split([trace.cut(None, split_s)], trace, split_s)
 
 
-def contend(name: str, contest: Contest, sensors: Sequence[str], effort: Effort, progress: Progress) -> Contender:
+def fit_and_score(name: str, split: Split, sensors: Sequence[str], effort: Effort, progress: Progress) -> ScoredFit:
     """Fit the estimator called ``name`` and score it; ``sensors`` (trace columns) are for those that read any."""
     method = estimator(name)
-    fit = method.fit(contest.training, effort, progress, inputs=sensors if method.reads_any else None)
-    training = [training_of(trace, None, contest.split_s) for trace in contest.training]
-    model = model_of(fit, training, {}, reading_model(fit, contest.training))
-    cold = evaluate_cold(model, contest.held_out, contest.split_s)
-    running = cold if contest.split_s is None else evaluate_run_in(model, contest.held_out, contest.split_s)
-    return Contender(fit, model, running, cold)
+    fit = method.fit(split.training, effort, progress, inputs=sensors if method.reads_any else None)
+    training = [training_of(trace, None, split.split_s) for trace in split.training]
+    model = model_of(fit, training, {}, reading_model(fit, split.training))
+    cold = evaluate_cold(model, split.held_out, split.split_s)
+    running = cold if split.split_s is None else evaluate_run_in(model, split.held_out, split.split_s)
+    return ScoredFit(fit, model, running, cold)
 
 
-def report_of(contenders: Sequence[Contender]) -> Report:
+def report_of(estimators: Sequence[ScoredFit]) -> Report:
     """The report of a comparison, the best contender last."""
-    ranked = sorted(contenders, key=lambda each: -each.running.metrics.rmse_degC)
+    ranked = sorted(estimators, key=lambda each: -each.running.metrics.rmse_degC)
     best = ranked[-1]
-    stopped = f"Stopped: of {contenders[-1].fit.circuit} this is the best so far; what comes after was not fitted."
+    stopped = f"Stopped: of {estimators[-1].fit.circuit} this is the best so far; what comes after was not fitted."
     return Report(
         subject="Comparison",
         title=f"{best.fit.circuit}: {best.running.metrics.rmse_degC:.2f} degC (RMSE) on held-out samples",
-        lead=[Finding(stopped, "warning") if contenders[-1].fit.stopped else None],
+        lead=[Finding(stopped, "warning") if estimators[-1].fit.stopped else None],
         sections=[Section("", [Table(_CAPTION, _COLUMNS, [_row(each) for each in ranked])])],
-        data={"contenders": [_data(each) for each in contenders]},
+        data={"contenders": [_data(each) for each in estimators]},
     )
 
 
-def _row(each: Contender) -> tuple[str, ...]:
+def _row(each: ScoredFit) -> tuple[str, ...]:
     data = _data(each)
     keys = ("training_rmse", "held_out_rmse", "static_linear_held_out_rmse", "cold_start_rmse")
     rmses = (data[f"{key}_degC"] for key in keys)
@@ -87,7 +87,7 @@ def _row(each: Contender) -> tuple[str, ...]:
     return (each.fit.circuit, str(len(each.fit.inputs)), str(len(each.fit.states)), *shown, *facts)
 
 
-def _data(each: Contender) -> dict[str, Any]:
+def _data(each: ScoredFit) -> dict[str, Any]:
     baseline, metrics = each.running.baseline, each.running.metrics
     return {
         "circuit": each.fit.circuit,

@@ -1,4 +1,4 @@
-"""A unit's correction: a model's mean error on it, while the ambient is known, is added to the model's offset.
+"""Offset correction of a unit: a model's mean error at a known ambient is added to the model's offset.
 
 Each estimator of the file (the main one, the secondary one, every fallback) is corrected by its own mean error, run
 over the calibration from its first sample on as on the device. Gains stay as they are: ten minutes at one temperature
@@ -17,7 +17,7 @@ from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Model
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimation.uncertainty import residual_memory
+from ambient_trainer.estimation.uncertainty import autocorrelation_time
 from ambient_trainer.estimators.model_file import MAIN, estimators_of, with_estimators
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.report import Finding, Report, Section, Table
@@ -47,7 +47,7 @@ def correction(model: Model, trace: Trace, from_s: float | None = None, to_s: fl
         error = evaluate_trace(alone, trace, from_s).error_degC
         errors[name] = error[np.isfinite(error)]
     own = errors[MAIN]
-    standard_error = float(np.std(own)) * math.sqrt(min(residual_memory(own), len(own)) / len(own))
+    standard_error = float(np.std(own)) * math.sqrt(min(autocorrelation_time(own), len(own)) / len(own))
     return Correction({name: float(np.mean(each)) for name, each in errors.items()}, standard_error, len(own))
 
 

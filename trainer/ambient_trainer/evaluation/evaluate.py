@@ -1,4 +1,4 @@
-"""An evaluation is causal: it starts from the first sensor sample, never from the reference, and runs as the device.
+"""Causal evaluation of a model: started from the first sensor sample, never from the reference, run as on a device.
 
 Each sample is scored where there is both a reference and an estimate, the first minutes included; the others are
 counted.

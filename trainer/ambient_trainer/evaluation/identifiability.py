@@ -102,7 +102,7 @@ class Identifiability:
     held: tuple[str, ...]
     at_bound: tuple[str, ...]
     rmse_degC: float
-    memory_samples: float
+    correlation_samples: float
     reestimates: tuple[Reestimate, ...]
     sensitivity: Sensitivity
     profiles: tuple[Profile, ...]
@@ -132,7 +132,7 @@ class Subject:
     values: Values
     own: tuple[Segment, ...]
     noise_degC: float
-    memory_samples: float
+    correlation_samples: float
 
     def structure(self, values: Mapping[str, float], held: Collection[str] = ()) -> CircuitStructure:
         """The circuit to be fitted to its own output, as :func:`started` has it."""
@@ -192,7 +192,7 @@ def identifiability(
             held=tuple(fixed),
             at_bound=tuple(each.name for each in fit.parameters if each.at_bound and each.name not in fixed),
             rmse_degC=fit.rmse_degC,
-            memory_samples=fit.residual_memory_samples,
+            correlation_samples=fit.residual_memory_samples,
             reestimates=ends,
             sensitivity=sensed,
             profiles=tuple(profiles),
@@ -201,14 +201,14 @@ def identifiability(
 
 
 def own_output(
-    circuit: Circuit, values: Values, stretches: Sequence[Segment], noise_degC: float, memory_samples: float
+    circuit: Circuit, values: Values, stretches: Sequence[Segment], noise_degC: float, correlation_samples: float
 ) -> Subject:
     """``circuit`` at ``values`` with its own output over the inputs of ``stretches``, where these have one."""
     structure = CircuitStructure(circuit, stretches)
     theta, beta = unknowns_at(structure, values)
     own = (structure.predicted(theta, beta, index) + 0 * each.outputs for index, each in enumerate(stretches))
     laid = tuple(replace(each, outputs=outputs) for each, outputs in zip(stretches, own))
-    return Subject(circuit, values, laid, noise_degC, memory_samples)
+    return Subject(circuit, values, laid, noise_degC, correlation_samples)
 
 
 def unknowns_at(structure: CircuitStructure, values: Values) -> tuple[Array, Array]:
@@ -236,8 +236,8 @@ def reestimates(subject: Subject, known: Sensitivity, effort: Effort, progress: 
         off = {name: subject.values[name] * by for name, by in zip(names, factors.tolist())}
         progress("fitting its own output", number, effort.starts)
         left, values = _refitted(subject.structure(off))
-        heard = (name for name in known.effect_degC if name not in known.silent)
-        moved = {name: _moved(subject.values[name], values[name]) for name in heard}
+        sensitive = (name for name in known.effect_degC if name not in known.insensitive)
+        moved = {name: _moved(subject.values[name], values[name]) for name in sensitive}
         fit_percent = 100.0 * (1.0 - math.sqrt(max(left, 0.0) / about_mean))
         ends.append(Reestimate(fit_percent, {name: values[name] for name in known.effect_degC}, moved))
     return tuple(ends)
@@ -249,7 +249,7 @@ def profile(subject: Subject, name: str) -> Profile:
     A positive parameter is moved by up to a hundredfold, a weight by ten or ten times itself.
     """
     parameter = next(each for each in subject.circuit.parameters if each.name == name)
-    value, unit_deviance = subject.values[name], subject.noise_degC**2 * subject.memory_samples
+    value, unit_deviance = subject.values[name], subject.noise_degC**2 * subject.correlation_samples
     logarithmic = name in subject.structure({}).logarithmic_names
     if logarithmic:
         spans = (math.log(min(100, value / parameter.low)), math.log(min(100, parameter.high / value)))
@@ -290,7 +290,7 @@ def recovered(
     """What comes back, on average, of the identifiable parameters, from the own output with white noise."""
     random = np.random.default_rng(seed)
     structure = subject.structure(subject.values)
-    unclear = {*known.mixed, *known.mixed_here, *known.silent}
+    unclear = {*known.mixed, *known.mixed_here, *known.insensitive}
     names = [name for name in parameter_names(structure) if name not in unclear]
     positive = [name in structure.logarithmic_names for name in names]
     draws = []

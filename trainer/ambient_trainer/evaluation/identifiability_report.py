@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from ambient_trainer.evaluation.identifiability import CLOSE_PERCENT, MOVED, SAME_PERCENT, Identifiability
-from ambient_trainer.evaluation.sensitivity import SILENT_DEGC
+from ambient_trainer.evaluation.sensitivity import INSENSITIVE_DEGC
 from ambient_trainer.report import Finding, Report, Section, Table
 
 _AS_THEY_ARE = "circuit", "trace", "held", "at_bound", "rmse_degC", "identifiable"
@@ -45,12 +45,12 @@ def _at_this_fit(found: Identifiability) -> Iterator[str]:
     known = found.sensitivity
     if known.blind_directions_here:
         mixed = f"{known.blind_directions_here} more, which mix {', '.join(known.mixed_here)}"
-        yield f"Where this fit lies the output stays the same along {mixed}."
-    if known.silent:
-        little = f"(less than {SILENT_DEGC:g} degC per e-fold), and not counted there: {', '.join(known.silent)}"
-        yield f"Without effect where this fit lies {little}."
+        yield f"At this fit the output does not change along {mixed}."
+    if known.insensitive:
+        little = f"(less than {INSENSITIVE_DEGC:g} degC per e-fold), not counted there: {', '.join(known.insensitive)}"
+        yield f"Without effect at this fit {little}."
     if found.flat:
-        errors = f"{found.rmse_degC:.2f} degC and an autocorrelation time of {found.memory_samples:.0f} samples"
+        errors = f"{found.rmse_degC:.2f} degC and an autocorrelation time of {found.correlation_samples:.0f} samples"
         yield f"Flat profiles: with errors of {errors}, this trace leaves a side open for {', '.join(found.flat)}."
     if found.recovered:
         far = [each.name for each in found.recovered if abs(each.standard_errors_off) > 2]
@@ -62,10 +62,10 @@ def _at_this_fit(found: Identifiability) -> Iterator[str]:
 def _structure(found: Identifiability) -> Iterator[str]:
     known = found.sensitivity
     if found.identifiable:
-        yield "Structure: every free parameter changes the output in its own way; perfect data determine them all."
+        yield "Structure: identifiable; perfect data determine every free parameter."
         return
     count = f"{known.blind_directions} direction{'s' * (known.blind_directions > 1)}"
-    yield f"Structure: not identifiable. The output stays exactly the same along {count}:"
+    yield f"Structure: not identifiable. The output does not change along {count}:"
     for up, down in map(_powers, known.symmetries):
         yield f"  {', '.join(up)} times k" + (f", {', '.join(down)} divided by k" if down else "")
     if (bent := known.blind_directions - len(known.symmetries)) > 0:
@@ -108,9 +108,9 @@ def as_json(found: Identifiability) -> dict[str, Any]:
     starts = [{"fit_percent": each.fit_percent, "another": so, "values": each.values} for each, so in ends]
     return {
         **{name: getattr(found, name) for name in _AS_THEY_ARE},
-        "without_effect": found.sensitivity.silent,
+        "without_effect": found.sensitivity.insensitive,
         "values": {name: found.values[name] for name in found.sensitivity.effect_degC},
-        "residual_memory_samples": found.memory_samples,
+        "residual_memory_samples": found.correlation_samples,
         **asdict(found.sensitivity),
         "thesis_test": {
             "same_percent": SAME_PERCENT,
@@ -129,7 +129,7 @@ def _note(found: Identifiability, name: str) -> str:
         ("in products", name in found.sensitivity.mixed),
         ("at its bound", name in found.at_bound),
         ("in products here", name in found.sensitivity.mixed_here),
-        ("no effect here", name in found.sensitivity.silent),
+        ("no effect here", name in found.sensitivity.insensitive),
         ("flat", name in found.flat),
     )
     return ", ".join(text for text, so in notes if so)

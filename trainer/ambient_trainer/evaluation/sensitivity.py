@@ -19,7 +19,7 @@ from ambient_trainer.estimation.structure import linearise
 
 Exponents = dict[str, float]
 
-SILENT_DEGC = 1e-3
+INSENSITIVE_DEGC = 1e-3
 """What moves the output by less per e-fold does not matter where it is: a resistance that has grown out of sight."""
 
 _PLACES = 6
@@ -54,9 +54,9 @@ class Sensitivity:
     """The parameters that these directions mix."""
 
     @property
-    def silent(self) -> tuple[str, ...]:
+    def insensitive(self) -> tuple[str, ...]:
         """The parameters that do not matter at the fit."""
-        return tuple(name for name, effect in self.effect_degC.items() if effect < SILENT_DEGC)
+        return tuple(name for name, effect in self.effect_degC.items() if effect < INSENSITIVE_DEGC)
 
 
 def sensitivity(structure: CircuitStructure, theta: Array, beta: Array, seed: int = 0) -> Sensitivity:
@@ -70,22 +70,22 @@ def sensitivity(structure: CircuitStructure, theta: Array, beta: Array, seed: in
     effect = np.linalg.norm(here, axis=0)
     # the null space where it is smallest, and the mean projector onto it there
     spaces = [_null_space(J) for J in places]
-    blind = min(len(each) for each in spaces)
-    projector = np.mean([each.T @ each for each in spaces if len(each) == blind], axis=0)
+    null_count = min(len(each) for each in spaces)
+    projector = np.mean([each.T @ each for each in spaces if len(each) == null_count], axis=0)
     share, directions = np.linalg.eigh(projector)
     symmetries, products = (
         [{name: value for name, value in zip(names, row) if value != 0} for row in _reduced(space.T).tolist()]
         for space in (directions[:, share > 1 - _SAME], directions[:, share < _SAME])
     )
-    blind_here, mixed_here = _blind_here(here, places, effect >= SILENT_DEGC)
+    null_here, mixed_here = _null_here(here, places, effect >= INSENSITIVE_DEGC)
     return Sensitivity(
         singular_values_degC=tuple(np.linalg.svd(here, compute_uv=False).tolist()),
         effect_degC=dict(zip(names, effect.tolist())),
-        blind_directions=blind,
+        blind_directions=null_count,
         symmetries=tuple(symmetries),
         products=tuple(each for each in products if len(each) > 1),
         mixed=tuple(name for name, involved in zip(names, np.diag(projector)) if involved > _INVOLVED**2),
-        blind_directions_here=blind_here,
+        blind_directions_here=null_here,
         mixed_here=tuple(names[index] for index in mixed_here),
     )
 
@@ -120,15 +120,15 @@ def _null_space(J: Array) -> Array:
     return np.asarray(np.linalg.qr((Vt[rank:] / scale).T)[0].T)
 
 
-def _blind_here(here: Array, places: list[Array], heard: NDArray[np.bool_]) -> tuple[int, list[int]]:
+def _null_here(here: Array, places: list[Array], sensitive: NDArray[np.bool_]) -> tuple[int, list[int]]:
     """How many more directions than elsewhere the output at the fit does not follow, and the columns they mix."""
-    _, singular, Vt = np.linalg.svd(here[:, heard])
-    directions = Vt[int(np.count_nonzero(singular >= SILENT_DEGC)) :]
-    more = len(directions) - min(len(_null_space(J[:, heard])) for J in places)
+    _, singular, Vt = np.linalg.svd(here[:, sensitive])
+    directions = Vt[int(np.count_nonzero(singular >= INSENSITIVE_DEGC)) :]
+    more = len(directions) - min(len(_null_space(J[:, sensitive])) for J in places)
     if more <= 0:
         return 0, []
     involved = np.linalg.norm(directions, axis=0) > _INVOLVED
-    return more, np.flatnonzero(heard)[involved].tolist()
+    return more, np.flatnonzero(sensitive)[involved].tolist()
 
 
 def _reduced(rows: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What a model makes of sensors as devices have them: readings that are missing, coarse or wrong.
+"""Robustness of a model to missing, coarse and wrong sensor readings.
 
 Every condition changes a trace and runs it through the recursion that the device runs. A wrong sensor is wrong for
 20 minutes from the middle of the trace on, after an hour of right readings, or for 20 samples after 60 where those are

@@ -1,1 +1,1 @@
-"""Thousands of units: what they share is learnt from all of them, what is a unit's own from its own log."""
+"""Partial pooling over thousands of units: a population estimated from all, each unit from its own log and that."""

@@ -1,4 +1,4 @@
-"""What is odd about a unit: the Bayes factor of each cause, under the scatter that the population's circuits have.
+"""Bayes factors of the possible causes of a unit's deviation, under the variation of the population's circuits.
 
 Typical units show what units of one make differ by: each has its own numbers of a forward circuit, and its own offset
 and gain of every sensor, about a common mean (a nonlinear mixed-effects model, estimated by expectation-maximisation
@@ -23,16 +23,16 @@ from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.diagnosis import NONE, UNKNOWN, KnownGood, forward
 from ambient_trainer.diagnosis.diagnose import FEWEST_SAMPLES
 from ambient_trainer.diagnosis.findings import cause_of
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.file import greybox_of
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Gain
 from ambient_trainer.diagnosis.greybox.model import FREE_SD, Mechanism, Number
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit
-from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.screening import Screened, changed_candidates, ends_within, screen
+from ambient_trainer.diagnosis.greybox.screening import Screened, change_candidates, ends_within, screen
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
-from ambient_trainer.diagnosis.greybox.trials import Trial, compared
+from ambient_trainer.diagnosis.greybox.trials import Trial, fit_candidates
 from ambient_trainer.diagnosis.record import Record, diagnosis_period_s, records_of
-from ambient_trainer.estimation.uncertainty import residual_memory
+from ambient_trainer.estimation.uncertainty import autocorrelation_time
 from ambient_trainer.fleet.dataset import require_values
 
 _COARSER = 2
@@ -65,7 +65,7 @@ class Typical(NamedTuple):
     """The circuit of typical units, their scatter as its prior, and the autocorrelation time of what they leave."""
 
     known: KnownGood
-    memory_s: float
+    correlation_s: float
 
 
 class Outlier(NamedTuple):
@@ -109,9 +109,9 @@ def learn(circuit: Circuit, traces: Sequence[Trace]) -> Typical:
             records = [replace(each, weight=weight) for each in records]
             mean, between = _scatter(known, np.diag(before))
         rmse_degC = float(np.sqrt(np.mean(noise**2)))
-        memory_s = period_s * float(np.median([_memory(each) for each in known]))
+        correlation_s = period_s * float(np.median([_autocorrelation(each) for each in known]))
         prior = Prior(mean, np.linalg.inv(between))
-        return Typical(KnownGood(model.at(mean), prior, period_s, noise, rmse_degC), memory_s)
+        return Typical(KnownGood(model.at(mean), prior, period_s, noise, rmse_degC), correlation_s)
 
 
 def _checked(plain: Circuit, trace: Trace) -> Trace:
@@ -128,15 +128,15 @@ def _scatter(fits: Sequence[Fitted], before: Array) -> tuple[Array, Array]:
     apart = Z - Z.mean(axis=0)
     square = apart.T @ apart + _COUNTS_AS * before
     for each in fits:
-        noise = float(np.mean(each.residual**2)) * _memory(each)
+        noise = float(np.mean(each.residual**2)) * _autocorrelation(each)
         square += np.linalg.inv(each.slopes.T @ each.slopes / noise + each.prior.precision)
     return Z.mean(axis=0), square / (len(fits) + _COUNTS_AS)
 
 
-def _memory(fitted: Fitted) -> float:
+def _autocorrelation(fitted: Fitted) -> float:
     """The autocorrelation time of what is left at the median sensor, in samples."""
     left = fitted.residual_degC(0)
-    return float(np.median([residual_memory(row[np.isfinite(row)]) for row in left if np.isfinite(row).any()]))
+    return float(np.median([autocorrelation_time(row[np.isfinite(row)]) for row in left if np.isfinite(row).any()]))
 
 
 def name_cause(typical: Typical, trace: Trace, unit: str = "") -> Outlier:
@@ -144,8 +144,8 @@ def name_cause(typical: Typical, trace: Trace, unit: str = "") -> Outlier:
     with threadpool_limits(1):
         known = typical.known
         bare = known.bare_fit(known.records([_checked(known.model.circuit, trace)]))
-        screened = [each for each in screen(Scene(bare), changed_candidates) if _of_one_unit(each.mechanism)]
-        trials = [each for each in compared(bare, _forms(screened), lambda *_: None) if not each.at_bounds]
+        screened = [each for each in screen(Context(bare), change_candidates) if _of_one_unit(each.mechanism)]
+        trials = [each for each in fit_candidates(bare, _forms(screened), lambda *_: None) if not each.at_bounds]
     return _most_probable(unit, bare, trials, typical)
 
 
@@ -160,9 +160,9 @@ def _forms(screened: Sequence[Screened]) -> list[Screened]:
     best: dict[object, Screened] = {}
     for each in screened:
         mechanism = each.mechanism
-        best.setdefault((mechanism.cause, mechanism.places, mechanism.lasts), each)
-    passing = [each for each in best.values() if not each.mechanism.lasts]
-    return [*(each for each in best.values() if each.mechanism.lasts), *passing[:_PASSING]]
+        best.setdefault((mechanism.cause, mechanism.places, mechanism.permanent), each)
+    passing = [each for each in best.values() if not each.mechanism.permanent]
+    return [*(each for each in best.values() if each.mechanism.permanent), *passing[:_PASSING]]
 
 
 def _most_probable(unit: str, bare: Fitted, trials: Sequence[Trial], typical: Typical) -> Outlier:
@@ -173,7 +173,7 @@ def _most_probable(unit: str, bare: Fitted, trials: Sequence[Trial], typical: Ty
     without, much = _evidence(bare, typical)
     found = [(_evidence(each.fitted, typical), each.mechanism) for each in trials]
     least = min([misfit for (_, misfit), _ in found], default=much)
-    samples = bare.records[0].samples * typical.known.period_s / typical.memory_s
+    samples = bare.records[0].samples * typical.known.period_s / typical.correlation_s
     expected = len(bare.records[0].sensors) * samples / 2
     scores: dict[tuple[str, str | None], float] = {}
     for (evidence, _), mechanism in found:
@@ -201,7 +201,7 @@ def _evidence(fitted: Fitted, typical: Typical) -> tuple[float, float]:
     """The logarithm of a fit's marginal likelihood by Laplace's approximation, and its misfit: half of chi-square."""
     settled = np.concatenate([_settled(record) for record in fitted.records])
     J, r = fitted.slopes[settled], fitted.residual[settled]
-    noise = typical.known.rmse_degC**2 * typical.memory_s / typical.known.period_s
+    noise = typical.known.rmse_degC**2 * typical.correlation_s / typical.known.period_s
     own = len(fitted.prior.z)
     added = fitted.model.numbers[own:]
     most = [_AMOUNT_SD.get(each.cause, 5.0) for each in fitted.model.mechanisms for _ in each.numbers][-len(added) :]

@@ -1,4 +1,4 @@
-"""Where each unit's log lies, and how it is read: a few units at a time, each as a trace or as the reason why not.
+"""Access to each unit's log: a few units at a time, each as a trace or as the reason why it cannot be read.
 
 A CSV trace, and a Parquet file without the unit column, is one unit, named after the file. A Parquet file with the
 column holds many; so does a folder ``unit=NAME`` of one. Files are looked at in the order of their names.

@@ -1,4 +1,4 @@
-"""Where the tasks run: in this process, on a local Dask cluster, or on any Dask scheduler.
+"""Execution of tasks in this process, on a local Dask cluster, or on any Dask scheduler.
 
 Tasks are pure functions of what they are sent, numbered from 0. A worker that dies is replaced and its tasks are done
 again; a lost connection to the scheduler is made anew, and what was under way is sent again. A task whose worker dies
@@ -43,7 +43,7 @@ _CONNECTIONS = 5
 _PATIENCE_S = 60.0
 
 
-class Job(NamedTuple):
+class Tasks(NamedTuple):
     """Numbered tasks of one kind: ``task(items[number], *rest)`` gives a result an item.
 
     An entry of ``items`` is read when its task is about to be sent, and may be what another task gave, packed; ``lost``
@@ -74,7 +74,7 @@ class Engine(contextlib.ExitStack):
     address: str | None = None
     """Of Dask's dashboard."""
 
-    def run(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, bytes]]:
+    def run(self, job: Tasks, numbers: Sequence[int]) -> Iterator[tuple[int, bytes]]:
         """The number and the packed results of each task as it is done."""
         for number in numbers:
             yield number, packed(job.task, job.items[number], *job.rest)
@@ -126,7 +126,7 @@ class Dask(Engine):
                 time.sleep(1.0)
         self.workers = max(1, sum(self._client.nthreads().values()))
 
-    def run(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, bytes]]:
+    def run(self, job: Tasks, numbers: Sequence[int]) -> Iterator[tuple[int, bytes]]:
         """The tasks as they are done, a few ahead of the workers."""
         from concurrent.futures import CancelledError
 
@@ -144,7 +144,7 @@ class Dask(Engine):
                     raise
                 self._connect()
 
-    def _connected(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, bytes]]:
+    def _connected(self, job: Tasks, numbers: Sequence[int]) -> Iterator[tuple[int, bytes]]:
         from distributed import KilledWorker, as_completed
 
         underway: dict[Any, int] = {}
@@ -171,10 +171,10 @@ class Dask(Engine):
                 send(following)
             yield number, found
 
-    def _submitted(self, job: Job, items: Sequence[Any] | bytes) -> Any:
+    def _submitted(self, job: Tasks, items: Sequence[Any] | bytes) -> Any:
         return self._client.submit(packed, job.task, items, *job.rest, pure=False, retries=_RETRIES)
 
-    def _alone(self, job: Job, item: Any) -> Any:
+    def _alone(self, job: Tasks, item: Any) -> Any:
         """The result of an item in a task of its own."""
         from distributed import KilledWorker
 

@@ -1,4 +1,4 @@
-"""What a worker does: begin a population, look at a chunk of units, and fit each under the population.
+"""Worker tasks: initialise a population, summarise a chunk of units, and fit each unit under the population.
 
 A task reads what it needs and returns what the driver keeps; it knows no other task, no folder of the driver and no
 clock. The same task gives the same bytes, wherever it runs.
@@ -24,8 +24,8 @@ from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimators import USUAL, Effort, Fit, estimator, model_of
 from ambient_trainer.estimators.model_file import MAIN, estimators_of, with_estimators
 from ambient_trainer.fleet.dataset import FEWEST, Entry, Log, Source, logs, reason_of, too_few
-from ambient_trainer.fleet.pooling import Normal, Population, Posterior, deviance
-from ambient_trainer.fleet.space import Space, assembled, changed, grids, members, space_of
+from ambient_trainer.fleet.pooling import NormalEquations, Population, Posterior, deviance
+from ambient_trainer.fleet.space import Space, grids, map_members, members, space_of, with_systems
 
 _GRID_SAMPLES = 20_000
 """The population's time constants are fitted to about so many samples of the units that it is begun with."""
@@ -57,8 +57,8 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Looked:
-    """What one unit's log says of each member's coordinates, or the reason why it says nothing."""
+class UnitStatistics:
+    """Sufficient statistics of a unit's log for each member's coordinates, or the reason why there are none."""
 
     unit: str
     group: tuple[str, ...]
@@ -66,16 +66,16 @@ class Looked:
     samples: int = 0
     seconds: float = 0.0
     sha256: str = ""
-    memory_s: float = 0.0
-    blocks: Normal | None = None
+    correlation_s: float = 0.0
+    blocks: NormalEquations | None = None
     """The normal equations of the main member by blocks of the log."""
-    members: tuple[Normal, ...] = ()
+    members: tuple[NormalEquations, ...] = ()
     """Those of each member in its order, of the whole log."""
 
 
 @dataclass(frozen=True)
-class Learnt:
-    """Under what each unit is fitted: the population by member, the groups, and the names of their columns."""
+class PopulationModel:
+    """Prior under which units are fitted: the population by member, the groups, and the names of their columns."""
 
     populations: Mapping[str, Population]
     groups: tuple[tuple[str, ...], ...]
@@ -83,14 +83,14 @@ class Learnt:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class UnitFit:
     """A unit's row of the table, and its model file."""
 
     row: dict[str, Any]
     model: str | None
 
 
-def begin(efforts: Sequence[Effort], wanted: Sequence[Entry], question: Question, enough: int) -> list[Start]:
+def initialise(efforts: Sequence[Effort], wanted: Sequence[Entry], question: Question, enough: int) -> list[Start]:
     """Fit the estimator to the first ``enough`` of ``wanted`` that can be read, on one coarse grid, by each effort.
 
     Raises :class:`Refused` where fewer than two can be, and as the estimator does.
@@ -130,7 +130,7 @@ def begin(efforts: Sequence[Effort], wanted: Sequence[Entry], question: Question
             quantiles = tuple(np.quantile(each, np.linspace(0, 1, _KEPT)) for each in fit.errors_degC)
             return replace(fit, periods_s=(own_s,), errors_degC=quantiles)
 
-        fits = [changed(method.fit(traces, each, None, period_s, columns or None), slim) for each in efforts]
+        fits = [map_members(method.fit(traces, each, None, period_s, columns or None), slim) for each in efforts]
         return [Start(fit, {name: space_of(each, thin) for name, each in members(fit).items()}, units) for fit in fits]
 
 
@@ -140,86 +140,86 @@ def _thinned(trace: Trace, period_s: float) -> Trace:
     return replace(trace, time_s=trace.time_s[::step], columns=columns)
 
 
-def look(wanted: Sequence[Entry], source: Source, start: Start) -> list[Looked]:
-    """What each unit of a chunk says of the coordinates."""
+def summarise(wanted: Sequence[Entry], source: Source, start: Start) -> list[UnitStatistics]:
+    """Sufficient statistics of each unit of a chunk."""
     with threadpool_limits(1):
-        return [_looked(log, start) for log in logs(wanted, source)]
+        return [_statistics_of(log, start) for log in logs(wanted, source)]
 
 
-def _looked(log: Log, start: Start) -> Looked:
+def _statistics_of(log: Log, start: Start) -> UnitStatistics:
     if log.trace is None:
-        return Looked(log.unit, log.group, log.reason)
+        return UnitStatistics(log.unit, log.group, log.reason)
     trace = log.trace
     try:
         every = {name: space.statistics(trace) for name, space in start.spaces.items()}
     except Refused as refused:
-        return Looked(log.unit, log.group, reason_of(refused))
+        return UnitStatistics(log.unit, log.group, reason_of(refused))
     digest = hashlib.sha256(np.ascontiguousarray(trace.time_s).tobytes())
     for name in (*start.spaces[MAIN].inputs, REFERENCE):
         digest.update(np.ascontiguousarray(trace.columns[name]).tobytes())
     known = int(np.count_nonzero(np.isfinite(trace.reference)))
     members = tuple(each.total() for each, _ in every.values())
-    blocks, memory_s = every[MAIN]
+    blocks, tau_s = every[MAIN]
     duration_s = float(members[0].seconds)
-    return Looked(log.unit, log.group, None, known, duration_s, digest.hexdigest(), memory_s, blocks, members)
+    return UnitStatistics(log.unit, log.group, None, known, duration_s, digest.hexdigest(), tau_s, blocks, members)
 
 
-def fit_chunk(looked: Sequence[Looked], start: Start, learnt: Learnt, created: str) -> list[Fitted]:
+def fit_chunk(units: Sequence[UnitStatistics], start: Start, pool: PopulationModel, created: str) -> list[UnitFit]:
     """Each unit of a chunk under the population: its row, and its model file."""
     with threadpool_limits(1):
-        good = [each for each in looked if each.reason is None]
-        found = iter(_fitted(good, start, learnt, created) if good else ())
-        return [next(found) if each.reason is None else failed(each, learnt.within) for each in looked]
+        good = [each for each in units if each.reason is None]
+        found = iter(_fitted(good, start, pool, created) if good else ())
+        return [next(found) if each.reason is None else failed(each, pool.within) for each in units]
 
 
-def failed(unit: Looked, within: Sequence[str], reason: str | None = None) -> Fitted:
+def failed(unit: UnitStatistics, within: Sequence[str], reason: str | None = None) -> UnitFit:
     """The row of a unit that could not be fitted."""
     groups = dict(zip(within, unit.group))
-    return Fitted({"unit": unit.unit, **groups, "status": FAILED, "reason": reason or unit.reason}, None)
+    return UnitFit({"unit": unit.unit, **groups, "status": FAILED, "reason": reason or unit.reason}, None)
 
 
-def _fitted(looked: Sequence[Looked], start: Start, learnt: Learnt, created: str) -> list[Fitted]:
-    numbers = {name: index for index, name in enumerate(learnt.groups)}
-    group = np.array([numbers.get(each.group, -1) for each in looked])
-    units = Normal.stacked(each.members[0] for each in looked)
-    population = learnt.populations[MAIN]
+def _fitted(summaries: Sequence[UnitStatistics], start: Start, pool: PopulationModel, created: str) -> list[UnitFit]:
+    numbers = {name: index for index, name in enumerate(pool.groups)}
+    group = np.array([numbers.get(each.group, -1) for each in summaries])
+    units = NormalEquations.stacked(each.members[0] for each in summaries)
+    population = pool.populations[MAIN]
     posteriors, kept = {}, {}
-    for index, (name, each) in enumerate(learnt.populations.items()):
-        own = each.posterior(Normal.stacked(unit.members[index] for unit in looked), group)
-        posteriors[name], kept[name] = each.safe(own)
+    for index, (name, each) in enumerate(pool.populations.items()):
+        own = each.posterior(NormalEquations.stacked(unit.members[index] for unit in summaries), group)
+        posteriors[name], kept[name] = each.bounded_shrinkage(own)
     open_ = population.posterior(units, group).covariance @ np.linalg.inv(population.between)
-    deviation = {name: learnt.populations[name].deviation_degC(each.covariance) for name, each in posteriors.items()}
+    deviation = {name: pool.populations[name].deviation_degC(each.covariance) for name, each in posteriors.items()}
     rows = pd.DataFrame(
         {
-            "unit": [each.unit for each in looked],
-            **{name: [each.group[index] for each in looked] for index, name in enumerate(learnt.within)},
+            "unit": [each.unit for each in summaries],
+            **{name: [each.group[index] for each in summaries] for index, name in enumerate(pool.within)},
             "status": OK,
             "reason": None,
-            "samples": [float(each.samples) for each in looked],
+            "samples": [float(each.samples) for each in summaries],
             "duration_s": units.seconds,
-            "effective_samples": units.seconds / population.memory_s,
+            "effective_samples": units.seconds / population.correlation_s,
             # how much of each unit is taken from the population, and how much of its own it keeps
             "shrinkage": 1 - kept[MAIN] * (1 - np.trace(open_, axis1=1, axis2=2) / open_.shape[1]),
             "kept": kept[MAIN],
-            **_held_out(looked, units, population, group),
+            **_cross_validated(summaries, units, population, group),
             **_fit(units, population, group, posteriors[MAIN]),
             **_readable(start.spaces[MAIN], posteriors[MAIN]),
         }
     ).to_dict("records")
     found = []
-    for index, (unit, row) in enumerate(zip(looked, rows)):
+    for index, (unit, row) in enumerate(zip(summaries, rows)):
         systems = {name: start.spaces[name].system(each.mean[index]) for name, each in posteriors.items()}
-        said = {name: row[name] for name in ("unit", "effective_samples", "shrinkage")}
+        details = {name: row[name] for name in ("unit", "effective_samples", "shrinkage")}
         training = {"trace": unit.unit, "sha256": unit.sha256, "from_s": None, "to_s": None}
         wide = {name: float(each[index]) for name, each in deviation.items()}
-        text = model_text(assembled(start.fit, systems), wide, said, [training], created)
-        found.append(Fitted(row, text))
+        text = model_text(with_systems(start.fit, systems), wide, details, [training], created)
+        found.append(UnitFit(row, text))
     return found
 
 
-def _fit(units: Normal, population: Population, group: NDArray[np.intp], main: Posterior) -> dict[str, Array]:
-    """What each unit leaves, and how far it lies from the population."""
-    scale = population.variance_degC2 * population.memory_s
+def _fit(units: NormalEquations, population: Population, group: NDArray[np.intp], main: Posterior) -> dict[str, Array]:
+    """Misfit of each unit, and its distance from the population."""
+    scale = population.variance_degC2 * population.correlation_s
     distance, freedom = deviance(units.H / scale, units.g / scale, *population.prior(group))
     return {
         "half_width_90_degC": SCORES[90] * population.deviation_degC(main.covariance),
@@ -243,16 +243,16 @@ def _readable(space: Space, main: Posterior) -> dict[str, Array]:
     return columns
 
 
-def _held_out(
-    looked: Sequence[Looked], total: Normal, population: Population, group: NDArray[np.intp]
+def _cross_validated(
+    summaries: Sequence[UnitStatistics], total: NormalEquations, population: Population, group: NDArray[np.intp]
 ) -> dict[str, Array]:
     """RMSE of each unit on its own blocks, each held out in turn, under the three ways of pooling."""
-    blocks = Normal.stacked(each.blocks for each in looked if each.blocks)
-    squares = np.zeros((3, len(looked)))
+    blocks = NormalEquations.stacked(each.blocks for each in summaries if each.blocks)
+    squares = np.zeros((3, len(summaries)))
     for number in range(blocks.g.shape[1]):
-        block = Normal(*(each[:, number] for each in blocks))
-        rest = Normal(*(whole - part for whole, part in zip(total, block)))
-        partial, _ = population.safe(population.posterior(rest, group))
+        block = NormalEquations(*(each[:, number] for each in blocks))
+        rest = NormalEquations(*(whole - part for whole, part in zip(total, block)))
+        partial, _ = population.bounded_shrinkage(population.posterior(rest, group))
         alone = np.linalg.pinv(rest.H, rcond=1e-9, hermitian=True) @ rest.g[..., None]
         ways = np.broadcast_to(population.mean, rest.g.shape), alone[..., 0], partial.mean
         squares += [block.squares(each) for each in ways]
@@ -260,22 +260,22 @@ def _held_out(
     return {f"rmse_{way}_degC": each for way, each in zip(("pooled", "separate", "partial"), rms)}
 
 
-def unseen_model(start: Start, learnt: Learnt, units: int, created: str) -> str:
+def unseen_model(start: Start, pool: PopulationModel, units: int, created: str) -> str:
     """The model file for a unit that was never seen, with the interval that is honest for it."""
-    said = {"units": units, **learnt.populations[MAIN].summary}
-    systems = {name: space.system(learnt.populations[name].mean) for name, space in start.spaces.items()}
-    deviation = {name: each.unseen_degC for name, each in learnt.populations.items()}
-    return model_text(assembled(start.fit, systems), deviation, said, [], created)
+    details = {"units": units, **pool.populations[MAIN].summary}
+    systems = {name: space.system(pool.populations[name].mean) for name, space in start.spaces.items()}
+    deviation = {name: each.unseen_degC for name, each in pool.populations.items()}
+    return model_text(with_systems(start.fit, systems), deviation, details, [], created)
 
 
 _Entries = Mapping[str, Any]
 
 
 def model_text(
-    fit: Fit, deviation_degC: Mapping[str, float], said: _Entries, training: Sequence[_Entries], created: str
+    fit: Fit, deviation_degC: Mapping[str, float], details: _Entries, training: Sequence[_Entries], created: str
 ) -> str:
     """The model file of ``fit``, each member's interval that of a normal error of its deviation."""
-    model = model_of(replace(fit, details={**fit.details, "fleet": dict(said)}), training, {})
+    model = model_of(replace(fit, details={**fit.details, "fleet": dict(details)}), training, {})
     honest = {}
     for name, each in estimators_of(model).items():
         ends = {level: score * deviation_degC[name] for level, score in SCORES.items()}

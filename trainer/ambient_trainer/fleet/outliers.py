@@ -1,4 +1,4 @@
-"""The units that fit the population least, and what is odd about each beside typical ones."""
+"""Outliers: the units that fit the population least, and the likely cause of each."""
 
 from collections.abc import Sequence
 

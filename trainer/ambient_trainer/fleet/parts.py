@@ -1,4 +1,4 @@
-"""What a run has done, a file a task; it belongs to one question, and is gone when the run has ended well."""
+"""Results of a run's tasks, one file each, kept for --resume and removed when the run has ended well."""
 
 import contextlib
 import datetime
@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from ambient_model.faults import refuse
-from ambient_trainer.fleet.engine import Engine, Job
+from ambient_trainer.fleet.engine import Engine, Tasks
 
 Progress = Callable[[str, int, int], None]
 """Called with what is under way, how much of it is done, and of how much."""
@@ -35,7 +35,7 @@ class Stage(Sequence[bytes]):
         return map(pickle.loads, self)
 
 
-class Parts:
+class TaskResults:
     """The results of tasks in a folder, computed where they are not there yet."""
 
     def __init__(self, folder: str, identity: str, resume: bool, engine: Engine, progress: Progress) -> None:
@@ -56,7 +56,7 @@ class Parts:
             write_whole(header, json.dumps(before).encode())
         self.created = before["created"]
 
-    def stage(self, name: str, what: str, job: Job) -> Stage:
+    def stage(self, name: str, what: str, job: Tasks) -> Stage:
         """The results of a job, whose missing tasks are done; progress calls it ``what``."""
         stage, count = Stage(self._folder, name, len(job.items)), len(job.items)
         # a power failure may leave the name of a file without its content

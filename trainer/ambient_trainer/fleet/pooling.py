@@ -1,8 +1,8 @@
 """Partial pooling of linear-Gaussian units, from normal equations alone (empirical Bayes).
 
-    y_u = Z_u c_u + noise,    c_u ~ N(mean, between),    information L_u = Z'Z / (variance * memory)
+    y_u = Z_u c_u + noise,    c_u ~ N(mean, between),    information L_u = Z'Z / (variance * tau)
 
-``memory`` is the autocorrelation time of the noise: so much time counts as one sample. Mean and between-unit covariance
+``tau`` is the autocorrelation time of the noise: so much time counts as one sample. Mean and between-unit covariance
 maximise the marginal likelihood by expectation-maximisation (Dempster, Laird and Rubin, J. R. Stat. Soc. B 39(1),
 1977). A unit that lies far outside, or leaves far more than others, loses its weight (a redescending M-estimator: Huber
 and Ronchetti, Robust Statistics, 2009, section 4.8), so that a broken one does not bend them. Groups of units are one
@@ -23,7 +23,7 @@ from scipy import stats
 from ambient_trainer.data.trace import Array
 
 _WIDE = 3.0
-"""A unit counts in full up to so many times the square that is expected of it: 5e-5 of normal ones lie beyond."""
+"""Ratio of squared to expected deviation up to which a unit has full weight: 5e-5 of normal units exceed it."""
 _ROUNDS = 60
 _START_DEGC2 = 0.02
 _LEAST_DEGC2 = 1e-4
@@ -31,12 +31,12 @@ _COUNTS_AS = 2.0
 """Units that the prior of the between-unit covariance counts as."""
 _RIDGE = 1e-9
 _WORSE, _SURE = 1.05, 3.0
-"""What is one's own must not make the error so many times the population's, at so many standard deviations."""
+"""Bound on a unit's error by its own data, relative to the population's, and standard deviations at which it holds."""
 _QUARTILES_APART = 1.349
 """Of a standard normal number."""
 
 
-class Normal(NamedTuple):
+class NormalEquations(NamedTuple):
     """Normal equations in p coordinates, of one log or of u: H = Z'Z (u, p, p), g = Z'r (u, p), r'r (u,), time (u,).
 
     Samples are weighed by their period, so all four are integrals over time, in s.
@@ -48,19 +48,19 @@ class Normal(NamedTuple):
     seconds: Array
 
     @classmethod
-    def of_samples(cls, Z: Array, r: Array, weight_s: Array) -> Normal:
+    def of_samples(cls, Z: Array, r: Array, weight_s: Array) -> NormalEquations:
         """Those of regressors (p, N) and residuals (N,)."""
         weighed = Z * weight_s
         return cls(weighed @ Z.T, weighed @ r, weight_s @ r**2, weight_s.sum())
 
     @classmethod
-    def stacked(cls, each: Iterable[Normal]) -> Normal:
+    def stacked(cls, each: Iterable[NormalEquations]) -> NormalEquations:
         """Those of several logs."""
         return cls(*(np.array(part) for part in zip(*each)))
 
-    def total(self) -> Normal:
+    def total(self) -> NormalEquations:
         """Those of all together."""
-        return Normal(*(each.sum(axis=0) for each in self))
+        return NormalEquations(*(each.sum(axis=0) for each in self))
 
     def squares(self, c: Array) -> Array:
         """Per unit the sum of squared errors at coordinates c (u, p)."""
@@ -96,7 +96,7 @@ def posterior(information: Array, vector: Array, mean: Array, between: Array) ->
 class Population:
     """The prior of a unit: mean (p,) and between-unit covariance (p, p) within a group, and how they were found.
 
-    ``variance_degC2`` is that of the noise, ``memory_s`` its autocorrelation time; ``groups`` (k, p) are the
+    ``variance_degC2`` is that of the noise, ``correlation_s`` its autocorrelation time; ``groups`` (k, p) are the
     means of the groups and ``group_covariance`` (k, p, p) how well they are known; ``group_between`` (p, p) is
     the covariance of groups about ``mean``, zero where there is one.
     """
@@ -105,7 +105,7 @@ class Population:
     mean_covariance: Array
     between: Array
     variance_degC2: float
-    memory_s: float
+    correlation_s: float
     groups: Array
     group_covariance: Array
     group_between: Array
@@ -116,14 +116,14 @@ class Population:
         known = np.where((group >= 0)[:, None], self.groups[np.maximum(group, 0)], self.mean)
         return known, self.between
 
-    def posterior(self, units: Normal, group: NDArray[np.intp]) -> Posterior:
-        """What each unit is after its own log."""
-        scale = self.variance_degC2 * self.memory_s
+    def posterior(self, units: NormalEquations, group: NDArray[np.intp]) -> Posterior:
+        """Posterior of each unit given its own log."""
+        scale = self.variance_degC2 * self.correlation_s
         mean, between = self.prior(group)
         return posterior(units.H / scale, units.g / scale, mean, between)
 
-    def safe(self, post: Posterior) -> tuple[Posterior, Array]:
-        """Posteriors drawn towards the population as far as does no harm, and the share of its own that each keeps.
+    def bounded_shrinkage(self, post: Posterior) -> tuple[Posterior, Array]:
+        """Bounded shrinkage: posteriors shrunk to the population until no harm is likely, and the share each keeps.
 
         Coordinates are white over the population's use: where a unit's truth is t ~ N(a, V) from the population's
         mean, keeping a share w of a changes its mean square error by w^2 a'a - 2 w a't. The share is the largest whose
@@ -140,10 +140,10 @@ class Population:
 
     @property
     def summary(self) -> dict[str, float]:
-        """From how many units it was learnt, and deviations: of what no gains explain, and between units of a group."""
+        """Number of units it was estimated from, and standard deviations: of the residual and between units."""
         noise, between = np.sqrt([self.variance_degC2, np.trace(self.between)]).tolist()
         errors = {"noise_degC": noise, "between_units_degC": between}
-        return {"learnt_from": self.units, "memory_s": self.memory_s, **errors}
+        return {"learnt_from": self.units, "memory_s": self.correlation_s, **errors}
 
     def deviation_degC(self, covariance: Array) -> Array:
         """Of the error to expect: the noise, and what is not known of gains (..., p, p), over the population's use."""
@@ -155,8 +155,8 @@ class Population:
         return float(self.deviation_degC(self.between + self.group_between + self.mean_covariance))
 
 
-def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Population:
-    """The population of ``units``, each of the group of that number from 0 on; at least two units."""
+def pooled(units: NormalEquations, group: NDArray[np.intp], tau_s: float) -> Population:
+    """The population of two or more ``units``, each of a group numbered from 0; autocorrelation time ``tau_s``."""
     u, p = units.g.shape
     groups = int(group.max()) + 1
     member = np.eye(groups)[group]
@@ -167,7 +167,7 @@ def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Populatio
     weight: Array = np.ones(u)
     mean: Array = np.zeros(p)
     for _ in range(_ROUNDS):
-        scale = variance * memory_s
+        scale = variance * tau_s
         # in coordinates in which the units of a group are N(centre, I): R is the posterior covariance, I - R is known
         white = np.linalg.cholesky(between)
         whiten = np.linalg.inv(white)
@@ -175,13 +175,13 @@ def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Populatio
         R = np.linalg.inv(unity + M)
         weighed = member * weight[:, None]
         projected = weighed.sum(axis=0)[:, None, None] * unity - np.tensordot(weighed, R, (0, 0))
-        said = weighed.T @ _times(R, f)
+        vectors = weighed.T @ _times(R, f)
         above_between = whiten @ group_between @ whiten.T
-        above = posterior(projected, said, whiten @ mean, above_between)
+        above = posterior(projected, vectors, whiten @ mean, above_between)
         total = above.information.sum(axis=0)
         total += _RIDGE * np.trace(total) / p * unity
         middle = np.linalg.solve(total, above.vector.sum(axis=0))
-        above = posterior(projected, said, middle, above_between)
+        above = posterior(projected, vectors, middle, above_between)
         centre = above.mean[group]
         apart = _times(R, f - _times(M, centre))
         second = np.tensordot(weight, R, 1) + (apart * weight[:, None]).T @ apart
@@ -193,10 +193,10 @@ def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Populatio
             group_between = (white @ apart_groups @ white.T + prior) / (groups + _COUNTS_AS)
         open_ = np.trace(R, axis1=1, axis2=2)
         squares = units.squares((centre + apart) @ white.T)
-        weight = _weight((apart**2).sum(axis=1), p - open_) * _weight(squares / scale, 1 + units.seconds / memory_s)
+        weight = _weight((apart**2).sum(axis=1), p - open_) * _weight(squares / scale, 1 + units.seconds / tau_s)
         variance = float((weight * (squares + scale * (p - open_))).sum() / (weight * units.seconds).sum())
     known, of_means = (white @ each @ white.T for each in (np.linalg.inv(total), above.covariance))
-    return Population(mean, known, between, variance, memory_s, means, of_means, group_between, u)
+    return Population(mean, known, between, variance, tau_s, means, of_means, group_between, u)
 
 
 def _times(matrices: Array, vectors: Array) -> Array:

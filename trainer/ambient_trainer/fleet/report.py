@@ -24,7 +24,7 @@ def report_of(fleet: FleetFit) -> Report:
     good, failed = table[table["status"] != "failed"], fleet.failed
     errors = {way: good[f"rmse_{way}_degC"].to_numpy() for way in _WAYS}
     median = {way: f"{np.median(each):.2f} degC" for way, each in errors.items()}
-    ways = "The population alone leaves {pooled}, each unit alone {separate}, both weighed {partial}"
+    ways = "Complete pooling leaves {pooled}, no pooling {separate}, partial pooling {partial}"
     result = Finding(f"{ways.format(**median)} (RMSE, median unit).", "result")
     broken = Finding(f"{len(failed)} of {len(table)} units failed; the table has the reasons.", "warning")
     shares = {way: np.percentile(each, _SHARES) for way, each in errors.items()}
@@ -35,15 +35,15 @@ def report_of(fleet: FleetFit) -> Report:
     more = f"{len(failed) - _SHOWN} more in fleet.parquet" if len(failed) > _SHOWN else ""
     facts = [
         ("inputs", ", ".join(fleet.start.fit.inputs)),
-        ("begun with", ", ".join(fleet.start.units)),
+        ("initialised with", ", ".join(fleet.start.units)),
         ("groups", ", ".join("/".join(each) for each in fleet.groups if each) or "none"),
     ]
     blocks: list[Block] = [
         Table("RMSE in degC", ("pooling", "median", "90 % of units", "worst"), rows),
-        Figure(partial(_errors, errors), "Units in the order of their errors, for each way by itself."),
+        Figure(partial(_errors, errors), "Distribution of the units' errors for each kind of pooling."),
     ]
     about = "Units by parameter, about the median, over the interquartile range."
-    learnt: list[Block] = [
+    parameters: list[Block] = [
         Table("", ("", "", ""), _hyperparameters(fleet, good)),
         Table("DC gains, and the offset", ("parameter", "5 %", "median", "95 %"), gains, 1),
         Figure(partial(_distributions, good, names), about),
@@ -57,8 +57,8 @@ def report_of(fleet: FleetFit) -> Report:
         lead=[result, broken if lost else None, Facts(facts)],
         sections=[
             Section("Errors on blocks held out", blocks),
-            Section("The population", learnt),
-            Section("Units that fit least", [outliers]),
+            Section("The population", parameters),
+            Section("Outliers", [outliers]),
             Section("Units that failed", [failures] if lost else []),
         ],
         data={
@@ -72,13 +72,13 @@ def report_of(fleet: FleetFit) -> Report:
 
 
 def _hyperparameters(fleet: FleetFit, good: pd.DataFrame) -> list[tuple[str, str, str]]:
-    said = fleet.population.summary
+    summary = fleet.population.summary
     return [
-        ("between of units", f"{said['between_units_degC']:.2f}", "degC in the estimate"),
-        ("noise", f"{said['noise_degC']:.2f}", "degC that no gains explain"),
-        ("memory", f"{said['memory_s']:.0f}", "s that errors go together"),
-        ("effective samples", f"{good['effective_samples'].median():.1f}", "a unit (median)"),
-        ("shrinkage", f"{good['shrinkage'].median():.2f}", "of a unit (median); 1 is all the population's"),
+        ("between units", f"{summary['between_units_degC']:.2f}", "degC, standard deviation of the estimate"),
+        ("noise", f"{summary['noise_degC']:.2f}", "degC, standard deviation of the residual"),
+        ("autocorrelation time", f"{summary['memory_s']:.0f}", "s, of the residual"),
+        ("effective samples", f"{good['effective_samples'].median():.1f}", "per unit (median)"),
+        ("shrinkage", f"{good['shrinkage'].median():.2f}", "median over units; 1 is the population's value"),
         ("unseen unit", f"{1.645 * fleet.population.unseen_degC:.2f}", "degC, half the 90 % interval"),
     ]
 

@@ -1,4 +1,4 @@
-"""The coordinates in which units are pooled: the gains of the population's own filter, its time constants held.
+"""Coordinates in which units are pooled: the gains of the population's filter at fixed time constants.
 
 Whatever the estimator is, its fit is a linear system. With the responses of its modes to each input,
 x_j = (sI - A)^-1 b u_j,
@@ -19,10 +19,10 @@ from scipy.linalg import schur
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data import Array, Segment, Trace, segments
-from ambient_trainer.estimation.uncertainty import residual_memory
+from ambient_trainer.estimation.uncertainty import autocorrelation_time
 from ambient_trainer.estimators import Fit
 from ambient_trainer.estimators.model_file import MAIN, SECONDARY, WITHOUT
-from ambient_trainer.fleet.pooling import Normal
+from ambient_trainer.fleet.pooling import NormalEquations
 from ambient_trainer.lti import Hold, StateSpace, discretised, equilibrium, states
 
 BLOCKS = 5
@@ -32,7 +32,7 @@ _LEAST_RMS_DEGC = 1e-3
 """A direction in which the population's regressors move less says nothing of any unit."""
 _WEAK_DEGC = 0.5
 """The standard deviation of the weak prior under which a unit's residuals are looked at."""
-_NOISE_DEGC2, _MEMORY_S = 0.1, 100.0
+_NOISE_DEGC2, _CORRELATION_S = 0.1, 100.0
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Space:
         raw, reference, weight_s = zip(*parts)
         return np.concatenate(raw, axis=1), np.concatenate(reference), np.concatenate(weight_s)
 
-    def statistics(self, trace: Trace) -> tuple[Normal, float]:
+    def statistics(self, trace: Trace) -> tuple[NormalEquations, float]:
         """What ``trace`` says: the normal equations, a row a block, and the autocorrelation time of its noise in s.
 
         Raises :class:`Refused` where it says nothing.
@@ -85,11 +85,12 @@ class Space:
         if not np.isfinite(Z).all():
             raise refuse(trace.path, "", "the filter's responses are not finite", "look for error codes in the sensors")
         cut = np.array_split(np.arange(len(r)), BLOCKS)
-        blocks = Normal.stacked(Normal.of_samples(Z[:, index], r[index], weight_s[index]) for index in cut)
+        cut_up = (NormalEquations.of_samples(Z[:, index], r[index], weight_s[index]) for index in cut)
+        blocks = NormalEquations.stacked(cut_up)
         # of the noise: what a unit's own weakly regularised least squares leave
-        whole, scale = blocks.total(), _NOISE_DEGC2 * _MEMORY_S
+        whole, scale = blocks.total(), _NOISE_DEGC2 * _CORRELATION_S
         own = np.linalg.solve(whole.H / scale + np.eye(len(Z)) / _WEAK_DEGC**2, whole.g / scale)
-        return blocks, residual_memory(r - own @ Z) * float(weight_s[0])
+        return blocks, autocorrelation_time(r - own @ Z) * float(weight_s[0])
 
     def system(self, c: Array) -> StateSpace:
         """The filter at coordinates c: the transpose of its modes, driven by each input through that one's gains."""
@@ -130,21 +131,21 @@ def members(fit: Fit) -> dict[str, Fit]:
     return {MAIN: fit, **second, **{WITHOUT.format(name): each for name, each in fit.fallbacks.items()}}
 
 
-def changed(fit: Fit, change: Callable[[Fit, str], Fit]) -> Fit:
+def map_members(fit: Fit, change: Callable[[Fit, str], Fit]) -> Fit:
     """``fit`` with each of its members changed, of which ``change`` gets the name, too."""
     second = fit.secondary and fit.secondary._replace(fit=change(fit.secondary.fit, SECONDARY))
     fallbacks = {name: change(each, WITHOUT.format(name)) for name, each in fit.fallbacks.items()}
     return replace(change(fit, MAIN), secondary=second, fallbacks=fallbacks)
 
 
-def assembled(fit: Fit, systems: Mapping[str, StateSpace]) -> Fit:
+def with_systems(fit: Fit, systems: Mapping[str, StateSpace]) -> Fit:
     """``fit`` with other systems in the places of its own."""
 
     def with_system(each: Fit, name: str) -> Fit:
         states = tuple(f"mode{k + 1}" for k in range(len(systems[name].A)))
         return replace(each, system=systems[name], states=states, error_variance=None)
 
-    return changed(fit, with_system)
+    return map_members(fit, with_system)
 
 
 def space_of(fit: Fit, traces: Sequence[Trace]) -> Space:

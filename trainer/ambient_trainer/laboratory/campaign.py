@@ -69,7 +69,7 @@ class Ambient(Strict):
 
     def _wrong(self) -> Iterator[tuple[str, str]]:
         if twice := [name for index, name in enumerate(self.probes) if name in self.probes[:index]]:
-            yield f"{twice[0]!r} stands twice", "name each probe once"
+            yield f"{twice[0]!r} is duplicated", "name each probe once"
         if self.at_least > len(self.probes):
             problem = f"'at_least' asks for {self.at_least} of {len(self.probes)} probes"
             yield problem, "ask for as many as there are, or fewer"
@@ -97,7 +97,7 @@ class PowerSupply(Strict):
         return {attribute: _column(column, _SUPPLY_UNITS[attribute]) for attribute, column in columns.items()}
 
 
-class Device(Strict):
+class DeviceConfig(Strict):
     """The device under test: ``zones`` maps a thermal zone's type to a column, ``root`` stands before ``/sys``.
 
     ``connect`` is ``adb``, ``adb SERIAL``, ``ssh HOST``, or ``local`` for this machine; ``setup`` is shell text for
@@ -147,7 +147,7 @@ class Laboratory(Strict):
 
     instruments: Instruments
     ambient: Ambient
-    device: Device
+    device: DeviceConfig
     signals: dict[_Column, _Signal] = Field(default_factory=dict)
     actions: dict[Name, Action] = Field(default_factory=dict)
     safety: Safety

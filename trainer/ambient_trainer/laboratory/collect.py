@@ -25,10 +25,10 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.laboratory import messages
 from ambient_trainer.laboratory.campaign import Campaign, Laboratory, LoadedCampaign
-from ambient_trainer.laboratory.journal import Head, Journal, Record, read_journal
+from ambient_trainer.laboratory.journal import Head, Journal, JournalRecord, read_journal
 from ambient_trainer.laboratory.messages import DEVICE, Clock, Note, Sample, StepBegan, in_background
 from ambient_trainer.laboratory.program import Program
-from ambient_trainer.laboratory.run import Ending, Outcome, Run, Supervision, equipment_of, identify
+from ambient_trainer.laboratory.run import CampaignRun, Ending, Outcome, Supervision, equipment_of, identify
 from ambient_trainer.laboratory.watchdog import Watchdog
 from ambient_trainer.laboratory.workers import Target
 
@@ -49,7 +49,7 @@ class Collected(NamedTuple):
     """What came of a run; ``trace`` is None where the recording had not begun, or it could not be written."""
 
     outcome: Outcome
-    record: Record
+    record: JournalRecord
     trace: pd.DataFrame | None
 
 
@@ -88,7 +88,7 @@ def collect(job: Job, supervision: Supervision) -> Collected:
         if isinstance(entry, Note):
             supervision.show(*entry)
     campaign = job.loaded.campaign
-    return _run(job, Run(campaign, equipment, clock, journal, Program(campaign.program, 0.0), supervision))
+    return _run(job, CampaignRun(campaign, equipment, clock, journal, Program(campaign.program, 0.0), supervision))
 
 
 def resume(job: Job, supervision: Supervision) -> Collected:
@@ -113,10 +113,10 @@ def resume(job: Job, supervision: Supervision) -> Collected:
     journal.add(Note(now_s, f"resumed after {now_s - last_s:.0f} s"))
     program = Program(campaign.program, now_s, left.step, left.elapsed_s)
     equipment = equipment_of(job.loaded, clock, job.environment)
-    return _run(job, Run(campaign, equipment, clock, journal, program, supervision))
+    return _run(job, CampaignRun(campaign, equipment, clock, journal, program, supervision))
 
 
-def _run(job: Job, run: Run) -> Collected:
+def _run(job: Job, run: CampaignRun) -> Collected:
     campaign = job.loaded.campaign
     chamber, safe_degC = campaign.laboratory.instruments.chamber, campaign.laboratory.safety.set_point_degC
     with contextlib.ExitStack() as stack:
@@ -154,7 +154,7 @@ def _written(job: Job, outcome: Outcome) -> Collected:
     return Collected(outcome, record, trace)
 
 
-def _notes(job: Job, record: Record, outcome: Outcome) -> dict[str, str]:
+def _notes(job: Job, record: JournalRecord, outcome: Outcome) -> dict[str, str]:
     """What a reader of the trace has to know, with how long answers took, and how far the device's clock was ahead."""
     loaded = job.loaded
     began = datetime.fromtimestamp(record.head.began_unix_s, timezone.utc)
@@ -199,7 +199,7 @@ class Grid(NamedTuple):
         return table.set_axis((table.index.to_numpy(dtype=float) * self.period_s).round(6), axis="index")
 
 
-def grid_of(record: Record, campaign: Campaign) -> Grid | None:
+def grid_of(record: JournalRecord, campaign: Campaign) -> Grid | None:
     """The rows' times, whose zero is the beginning of the recording; None where there was none."""
     began = next((each for each in record.of(StepBegan) if each.step >= len(campaign.before)), None)
     if began is None:
@@ -209,7 +209,7 @@ def grid_of(record: Record, campaign: Campaign) -> Grid | None:
     return Grid(first * campaign.period_s, campaign.period_s)
 
 
-def trace_rows(record: Record, campaign: Campaign, grid: Grid) -> pd.DataFrame:
+def trace_rows(record: JournalRecord, campaign: Campaign, grid: Grid) -> pd.DataFrame:
     """The trace over its time in s: the device's columns, the ambient, the signals."""
     laboratory = campaign.laboratory
     over = [each.at_s for each in record.of(StepBegan) if each.step == len(campaign.program)]
@@ -233,7 +233,7 @@ def trace_rows(record: Record, campaign: Campaign, grid: Grid) -> pd.DataFrame:
     return grid.frame(cells, campaign.columns)
 
 
-def laboratory_rows(record: Record, campaign: Campaign, grid: Grid) -> pd.DataFrame:
+def laboratory_rows(record: JournalRecord, campaign: Campaign, grid: Grid) -> pd.DataFrame:
     """The instruments' own readings, also before the recording; only rows that hold any."""
     device = campaign.laboratory.device.columns
     cells: dict[int, dict[str, float | None]] = {}

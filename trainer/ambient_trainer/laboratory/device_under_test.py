@@ -7,7 +7,7 @@ Millidegrees, tenths, microamperes and microvolts of a kernel become degC, A and
 
 import math
 
-from ambient_trainer.laboratory.campaign import Device
+from ambient_trainer.laboratory.campaign import DeviceConfig
 from ambient_trainer.laboratory.instruments import plausible
 from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Clock, InstrumentError, Reading
 from ambient_trainer.laboratory.shell import Connection, Shell
@@ -39,7 +39,7 @@ done"""
 class DeviceUnderTest:
     """The device of a campaign. Raises :class:`InstrumentError`; after any, it may simply be asked again."""
 
-    def __init__(self, device: Device, connection: Connection, clock: Clock) -> None:
+    def __init__(self, device: DeviceConfig, connection: Connection, clock: Clock) -> None:
         self.device, self.connection, self.port = device, connection, connection.label
         self.missing: tuple[str, ...] = ()
         """The zones that are not there."""

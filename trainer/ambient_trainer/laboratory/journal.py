@@ -64,7 +64,7 @@ def _uptime() -> tuple[str, float]:
         return "", 0.0
 
 
-class Record(NamedTuple):
+class JournalRecord(NamedTuple):
     """What a journal holds."""
 
     head: Head
@@ -175,7 +175,7 @@ def _opened(path: str, new: bool) -> int:
     return file
 
 
-def read_journal(path: str) -> Record:
+def read_journal(path: str) -> JournalRecord:
     """What the journal at ``path`` holds; raises :class:`Refused`, naming the line, for what is none."""
     try:
         with open(path, encoding="utf-8") as stream:
@@ -194,7 +194,7 @@ def read_journal(path: str) -> Record:
         except (ValueError, TypeError, KeyError):
             hint = "it is damaged: remove the line, then --resume"
             raise refuse(path, f"line {number}", "not an entry of a journal", hint) from None
-    return Record(head, tuple(entries))
+    return JournalRecord(head, tuple(entries))
 
 
 def _head(path: str, line: str) -> Head:

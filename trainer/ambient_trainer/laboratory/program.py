@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from ambient_trainer.laboratory.campaign import Safety
 from ambient_trainer.laboratory.instruments import AIR
 from ambient_trainer.laboratory.messages import StepBegan
-from ambient_trainer.simulator.scenario import Settle, Step
+from ambient_trainer.simulator.scenario import ScenarioStep, Settle
 
 
 class SteadyState:
@@ -44,7 +44,7 @@ class SteadyState:
 class Program:
     """The position in ``steps``; it starts ``elapsed_s`` into step ``step``."""
 
-    def __init__(self, steps: Sequence[Step], now_s: float, step: int = 0, elapsed_s: float = 0.0) -> None:
+    def __init__(self, steps: Sequence[ScenarioStep], now_s: float, step: int = 0, elapsed_s: float = 0.0) -> None:
         self.steps = tuple(steps)
         self._begin(step, now_s - elapsed_s)
 
@@ -54,7 +54,7 @@ class Program:
         return self.step >= len(self.steps)
 
     @property
-    def now(self) -> Step:
+    def now(self) -> ScenarioStep:
         """The step."""
         return self.steps[min(self.step, len(self.steps) - 1)]
 

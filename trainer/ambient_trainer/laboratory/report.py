@@ -11,7 +11,7 @@ import pandas as pd
 
 from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
 from ambient_trainer.laboratory.collect import Collected, Job, laboratory_path
-from ambient_trainer.laboratory.journal import Record
+from ambient_trainer.laboratory.journal import JournalRecord
 from ambient_trainer.laboratory.messages import Failure, Note, Sample, StepBegan
 from ambient_trainer.laboratory.run import Ending, Outcome
 from ambient_trainer.laboratory.serial_line import is_missing
@@ -91,7 +91,7 @@ _AT_SET_POINT_K = 2.0  # the air is called at its set point this near to it; a c
 _MOST_SHOWN = 20
 
 
-def settling_table(record: Record, campaign: Campaign) -> Table:
+def settling_table(record: JournalRecord, campaign: Campaign) -> Table:
     """Per step with another set point than the one before: how long the air took to it."""
     begins: dict[int, float] = {}
     for each in record.of(StepBegan):
@@ -112,7 +112,7 @@ def settling_table(record: Record, campaign: Campaign) -> Table:
     return Table(caption, ("step", "set degC", "air there after"), tuple(lines), labels=1)
 
 
-def events(record: Record) -> list[str]:
+def events(record: JournalRecord) -> list[str]:
     """The notes of the run, with their times since the program began; the most frequent failures last."""
     notes = [(entry.at_s, entry.text) for entry in record.of(Note)]
     lines = [f"{clock(at_s)}  {text}" for at_s, text in notes[:_MOST_SHOWN]]

@@ -123,7 +123,7 @@ class Supervision(NamedTuple):
     ``stopping`` gives the reason to stop (or None), ``giving_up`` whether not even to wait for the chamber.
     """
 
-    update: Callable[[Run], None]
+    update: Callable[[CampaignRun], None]
     event: Callable[[float, str], None]
     stopping: Callable[[], str | None]
     giving_up: Callable[[], bool]
@@ -135,7 +135,7 @@ class Supervision(NamedTuple):
 
 
 @dataclass(eq=False)
-class Run:
+class CampaignRun:
     """One run of the program on ``equipment``, from the program's position on.
 
     ``latest`` holds the newest sample of each instrument, ``failures`` what does not work now, as it began.

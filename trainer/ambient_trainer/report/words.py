@@ -1,4 +1,4 @@
-"""How a number is put before a person: times like a clock, spans in the unit that fits, figures as long as meant."""
+"""Numbers formatted for people: times like a clock, durations in a fitting unit, significant figures."""
 
 from __future__ import annotations
 

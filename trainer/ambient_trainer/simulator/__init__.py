@@ -18,7 +18,7 @@ from ambient_trainer.simulator.hidden import Hidden
 from ambient_trainer.simulator.hidden import effects as effect_kinds
 from ambient_trainer.simulator.live import Sensors
 from ambient_trainer.simulator.run import Driven, Progress, Run, bursts, integrate, prepare, stream
-from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario, scenario_names
+from ambient_trainer.simulator.scenario import Scenario, ScenarioStep, load_scenario, scenario_names
 from ambient_trainer.simulator.signals import SIGNALS
 from ambient_trainer.simulator.simulate import Planned, Simulated, Truth, logged, simulate, simulate_many
 from ambient_trainer.simulator.text import draw_hidden

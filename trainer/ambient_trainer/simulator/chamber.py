@@ -65,9 +65,9 @@ def wobble(count: int, period_s: float, chamber: Chamber, random: np.random.Gene
     return chamber.wobble_degC * swing + chamber.draught_degC * coloured(count, period_s, chamber.draught_s, random)
 
 
-def coloured(count: int, period_s: float, memory_s: float, random: np.random.Generator) -> Array:
+def coloured(count: int, period_s: float, correlation_s: float, random: np.random.Generator) -> Array:
     """Stationary first-order noise of unit variance, shape (count,); its statistics do not depend on the period."""
-    kept = math.exp(-period_s / memory_s)
+    kept = math.exp(-period_s / correlation_s)
     white = random.standard_normal(count)
     white[1:] *= math.sqrt(1.0 - kept * kept)
     return np.asarray(lfilter([1.0], [1.0, -kept], white))

@@ -20,7 +20,7 @@ from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.device import Device, Tolerances, Zone, load_device
 from ambient_trainer.simulator.hidden import Hidden
 from ambient_trainer.simulator.run import Progress, stream
-from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario
+from ambient_trainer.simulator.scenario import Scenario, ScenarioStep, load_scenario
 from ambient_trainer.simulator.simulate import Planned, logged, planned
 from ambient_trainer.simulator.text import hidden_text, parse_hidden
 
@@ -212,7 +212,7 @@ def _usage(scenario: Scenario, seed: int, minutes: float | None) -> Scenario:
     """The scenario from a step of the unit's own on, round and round, for so many minutes."""
     begin = int(stream(seed, "usage").integers(len(scenario.steps)))
     left = scenario.duration_s / 60 if minutes is None else minutes
-    steps: list[Step] = []
+    steps: list[ScenarioStep] = []
     while left > 1e-9:
         step = scenario.steps[(begin + len(steps)) % len(scenario.steps)]
         lasting = min(step.duration_min or left, left)

@@ -33,7 +33,7 @@ class Settle(Strict):
             yield "'for_min' is longer than 'at_most_min'", "it could never settle: swap them"
 
 
-class Step(Strict):
+class ScenarioStep(Strict):
     """What chamber and device do for a while, until all is settled, or until both is true."""
 
     chamber_degC: Annotated[float, Field(ge=-100, le=250)] | None = None
@@ -62,12 +62,12 @@ class Scenario(Strict):
     """Of the rows that the laboratory writes."""
     laboratory: Any = None
     """Where `collect` runs it; the simulation does not read it."""
-    before: tuple[Step, ...] = ()
+    before: tuple[ScenarioStep, ...] = ()
     """What comes before the recording, which begins with ``steps``."""
-    steps: Annotated[tuple[Step, ...], Field(min_length=1)]
+    steps: Annotated[tuple[ScenarioStep, ...], Field(min_length=1)]
 
     @property
-    def program(self) -> tuple[Step, ...]:
+    def program(self) -> tuple[ScenarioStep, ...]:
         """All steps."""
         return (*self.before, *self.steps)
 

@@ -64,11 +64,11 @@ def _wind(time_s: Array, _: tuple[float, float], random: np.random.Generator) ->
     return np.round(FULL_WIND_M_S * np.exp(0.45 * slow + 0.3 * gusts - 0.15), 2)
 
 
-def _coloured(time_s: Array, memory_s: float, random: np.random.Generator) -> Array:
+def _coloured(time_s: Array, correlation_s: float, random: np.random.Generator) -> Array:
     """First-order noise of unit variance in steps of at least a second, so that its course is a smooth one."""
     period_s = float(time_s[1] - time_s[0]) if len(time_s) > 1 else 1.0
-    rough = coloured(len(time_s), period_s, memory_s, random)
-    return lagged(rough, memory_s / 5.0, period_s)
+    rough = coloured(len(time_s), period_s, correlation_s, random)
+    return lagged(rough, correlation_s / 5.0, period_s)
 
 
 _DRAWN: dict[str, Drawn] = {

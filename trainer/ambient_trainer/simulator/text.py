@@ -154,7 +154,7 @@ def _parts(text: str) -> tuple[str, dict[str, Any], float, list[Fault]]:
     scale = given.pop("scale", 1.0)
     if cause == RANDOM:
         fixed = [name for name in given if name not in ("onset_s", "end_s")]
-        found += [Fault(name, "what is random has its own", "name a cause, or leave it out") for name in fixed]
+        found += [Fault(name, "is drawn with 'random'", "name a cause, or leave it out") for name in fixed]
         given = {name: value for name, value in given.items() if name not in fixed}
     elif any(name in given for name in ("size", "onset_s", "end_s")):
         given.setdefault("signal", None)

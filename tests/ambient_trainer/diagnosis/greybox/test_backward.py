@@ -11,14 +11,14 @@ from scipy.integrate import solve_ivp
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.forward import forward
-from ambient_trainer.diagnosis.greybox.backward import eliminated, steps_to
-from ambient_trainer.diagnosis.greybox.choice import Limits, Step
+from ambient_trainer.diagnosis.greybox.backward import eliminate_backward, steps_to
+from ambient_trainer.diagnosis.greybox.choice import Limits, SelectionStep
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.mechanisms import mass, path
 from ambient_trainer.diagnosis.greybox.mechanisms.latent import Latent
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
-from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.screening import lasting_candidates
+from ambient_trainer.diagnosis.greybox.screening import permanent_candidates
 from ambient_trainer.diagnosis.greybox.stepwise import Selection, bare_fit, continued
 from ambient_trainer.diagnosis.record import records
 
@@ -37,12 +37,12 @@ def test_what_was_hidden_together_is_left_of_everything(circuit, simulated, reco
     """Sun, a current and constant cooling beside a body: humidity, wind and the current itself heat nothing."""
     seed = int(np.random.default_rng().integers(1 << 30))
     bare = bare_fit(GreyBox.of(circuit), recorded(simulated(seed, heat_W=together, mass=(0.4, 500.0))))
-    found = eliminated(bare)
+    found = eliminate_backward(bare)
     assert found is not None, seed
     heats = {each.key[2] for each in found.model.mechanisms if each.cause == "heat_source"}
     assert heats == {"", "sun_W_m2", "current_A^2"}, (seed, heats)
     assert found.rmse_degC < 0.06, seed
-    alone = Selection(bare, bare, (), Step(bare, None, (), 0))
+    alone = Selection(bare, bare, (), SelectionStep(bare, None, (), 0))
     steps = continued(alone, found, (), Limits(least_degC=0.05)).steps[: len(found.model.mechanisms)]
     rivals = [{each.mechanism.key for each in step.trials} - {step.chosen.mechanism.key} for step in steps]
     assert all(rivals), seed
@@ -52,7 +52,7 @@ def test_a_peltier_element_cools_by_its_current_and_warms_by_its_square(circuit,
     seed = int(np.random.default_rng().integers(1 << 30))
     trace = simulated(seed, heat_W=lambda now, degC: 0.9 * now["current_A"] ** 2 - 3.0 * now["current_A"] + 1.0)
     named = {each.replace("current", "tec"): row for each, row in trace.columns.items()}
-    found = eliminated(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=named))))
+    found = eliminate_backward(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=named))))
     assert found is not None, seed
     assert {each.key[2] for each in found.model.mechanisms} == {"", "tec_A", "tec_A^2"}, seed
 
@@ -79,7 +79,7 @@ def jacketed(seed):
 
 def test_a_circuit_that_never_settles_is_searched_from_its_own_numbers(seed, monkeypatch):
     module = importlib.import_module("ambient_trainer.diagnosis.diagnose")  # its name is a function's, too
-    nothing = lambda bare, *rest: Selection(bare, bare, (), Step(bare, None, (), 0))  # noqa: E731
+    nothing = lambda bare, *rest: Selection(bare, bare, (), SelectionStep(bare, None, (), 0))  # noqa: E731
     monkeypatch.setattr(module, "stepwise", nothing)
     found = {(each.cause.name, each.cause.signal) for each in diagnose(PAIR, [jacketed(seed)]).steps}
     assert ("heat_source", "heater_frac") in found, seed
@@ -88,7 +88,7 @@ def test_a_circuit_that_never_settles_is_searched_from_its_own_numbers(seed, mon
 def test_nothing_is_left_where_nothing_is_hidden(circuit, simulated, recorded):
     seed = int(np.random.default_rng().integers(1 << 30))
     bare = bare_fit(GreyBox.of(circuit), recorded(simulated(seed)))
-    assert eliminated(bare) is None, seed
+    assert eliminate_backward(bare) is None, seed
 
 
 def test_a_plate_below_six_points_warms_one_and_that_the_others(seed):
@@ -109,7 +109,7 @@ def test_a_plate_below_six_points_warms_one_and_that_the_others(seed):
     columns = {f"{name}_degC": row + draw.normal(0, 0.01, 600) for name, row in zip(POINTS, read)}
     trace = Trace("plate", time_s, {**columns, "ambient_degC": np.full(600, 20.0), "plate_degC": plate_degC})
     circuit = forward(in_air(" ".join(POINTS), 100, 5))
-    found = eliminated(bare_fit(GreyBox.of(circuit), records(trace, circuit.inputs, list(columns), 2.0)))
+    found = eliminate_backward(bare_fit(GreyBox.of(circuit), records(trace, circuit.inputs, list(columns), 2.0)))
     joined = {frozenset(each.places[0].split("-")) for each in found.model.mechanisms}
     assert joined == {*map(frozenset, pairwise(POINTS)), frozenset((POINTS[heated], "plate"))}, seed
 
@@ -132,7 +132,7 @@ def test_heaters_with_bodies_of_their_own_heat_those(seed):
     heaters = dict(zip(("heater1_frac", "heater2_frac"), shares))
     trace = Trace("plates", time_s, {**read, **heaters, "ambient_degC": np.full(900, 20.0)})
     circuit = forward(in_air("a b", 100, 5))
-    found = eliminated(bare_fit(GreyBox.of(circuit), records(trace, circuit.inputs, list(read), 2.0)))
+    found = eliminate_backward(bare_fit(GreyBox.of(circuit), records(trace, circuit.inputs, list(read), 2.0)))
     assert found is not None, seed
     heats = [each for each in found.model.mechanisms if each.cause == "heat_source"]
     most = {each.key[2]: max(zip((n.value for n in each.numbers), each.places))[1] for each in heats}
@@ -154,10 +154,10 @@ def test_a_power_that_hardly_moves_heats_all_the_same(circuit, simulated):
 def test_only_a_body_carries_what_acts_on_it(circuit, simulated, recorded):
     trace = simulated(4)
     panel = {**trace.columns, "panel_degC": np.full(len(trace.time_s), 21.0)}  # a boundary, though it never moves
-    scene = Scene(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=panel))))
-    beside = scene.fitted.model.with_mechanism(heat("sun_W_m2", 0.1)).with_mechanism(next(path.candidates(scene)))
+    context = Context(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=panel))))
+    beside = context.fitted.model.with_mechanism(heat("sun_W_m2", 0.1)).with_mechanism(next(path.candidates(context)))
     assert not beside.carries(0)
-    behind = scene.fitted.model.with_mechanism(next(mass.candidates(scene)))
+    behind = context.fitted.model.with_mechanism(next(mass.candidates(context)))
     second = replace(heat("sun_W_m2", 0.1), places=("board_mass",))
     assert behind.with_mechanism(second).carries(0)
 
@@ -166,7 +166,7 @@ def test_only_a_body_carries_what_acts_on_it(circuit, simulated, recorded):
 def test_a_body_goes_with_what_acts_behind_it_or_beside_it(circuit, simulated, recorded, second, heated):
     """Heat in another body has no place where the first is left out."""
     bare = bare_fit(GreyBox.of(circuit), recorded(simulated(4)))
-    body = next(mass.candidates(Scene(bare)))
+    body = next(mass.candidates(Context(bare)))
     model = bare.model.with_mechanism(body).with_mechanism(replace(body, places=(second,)))
     model = model.with_mechanism(replace(heat("sun_W_m2", 0.1), places=(heated,)))
     steps = steps_to(bare, fit(model, bare.records, most=2, prior=bare.prior), 1)
@@ -178,6 +178,6 @@ def test_nothing_acts_on_what_melts(circuit, simulated, recorded):
     """No circuit file can say so."""
     numbers = (Number(name, unit, 1.0, log=True) for name, unit in (("G", "W/K"), ("lag", "s"), ("fusion", "K")))
     bare = bare_fit(GreyBox.of(circuit), recorded(simulated(5)))
-    frozen = Scene(replace(bare, model=bare.model.with_mechanism(Latent(("board",), tuple(numbers)))))
+    frozen = Context(replace(bare, model=bare.model.with_mechanism(Latent(("board",), tuple(numbers)))))
     assert frozen.network.nodes[1:] == ["board_phase"]
-    assert not any("board_phase" in each.places for each in lasting_candidates(frozen, lambda each: None))
+    assert not any("board_phase" in each.places for each in permanent_candidates(frozen, lambda each: None))

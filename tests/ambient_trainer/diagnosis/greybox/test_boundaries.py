@@ -97,4 +97,4 @@ def test_a_wall_that_stays_as_it_is_is_a_slow_body(circuit, simulated, seed):
 
 @pytest.mark.parametrize(("other", "responds"), [("water_in", False), ("room", False), ("lid", True)])
 def test_what_is_given_from_outside_answers_to_nothing(other, responds):
-    assert Path((), (), ends=("board", other), logged=(f"{other}_degC",)).responds == responds
+    assert Path((), (), ends=("board", other), logged=(f"{other}_degC",)).endogenous == responds

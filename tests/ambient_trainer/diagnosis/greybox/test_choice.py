@@ -27,7 +27,7 @@ def fitted(held_out_degC, *left_degC):
         residual_degC=lambda _: left,
         model=SimpleNamespace(circuit=SimpleNamespace(outputs=outputs)),
         held_out_rmse_degC=held_out_degC,
-        combed=folds,
+        held_out_stretches=folds,
         held_out=folds,
     )
 
@@ -35,7 +35,7 @@ def fitted(held_out_degC, *left_degC):
 def trial(kind, places, *rest):
     mechanism = kind(places, tuple(Number(each, "1", 1.0) for each in places))
     return SimpleNamespace(
-        mechanism=mechanism, fitted=fitted(*rest), rmse_degC=rest[0], at_bounds=False, identified=True, lasting=True
+        mechanism=mechanism, fitted=fitted(*rest), rmse_degC=rest[0], at_bounds=False, identified=True, permanent=True
     )
 
 
@@ -53,7 +53,7 @@ def with_a_window(place, step_degC, known_good):
     record = SimpleNamespace(sensors=np.array([read, np.linspace(0.0, 9.0, 300)]), known_good=known_good)
     before, window = fitted(1.0, 1.0, 1.0), trial(Heat, (place,), 0.2, 0.2, 0.2)
     before.records = window.fitted.records = (record,)
-    window.mechanism, window.lasting = replace(window.mechanism, onset_s=100.0), False
+    window.mechanism, window.permanent = replace(window.mechanism, onset_s=100.0), False
     return before, window
 
 
@@ -79,7 +79,7 @@ def test_a_heater_that_was_turned_up_once_acts_in_the_place_of_a_window():
     record.signals = {"heater_frac": (record.time_s >= 95).astype(float)}
     heater = trial(Heat, ("board",), 0.6, 0.6, 0.6)
     heater.mechanism = replace(heater.mechanism, driver=Expression("heater_frac"))
-    heater.fitted.combed, heater.fitted.records = np.full(FOLDS, 0.3**2), before.records
+    heater.fitted.held_out_stretches, heater.fitted.records = np.full(FOLDS, 0.3**2), before.records
     assert choose(before, [window, heater], 0.0) is heater
 
 
@@ -111,7 +111,7 @@ def test_a_window_that_is_no_finding_keeps_no_clock_away():
 
 @pytest.mark.parametrize(("kind", "driver"), [(Heat, "flow_m3_s > 0.1"), (Coupling, "rh_frac")])
 def test_a_flow_stands_for_what_it_brings_and_what_warms_dries(kind, driver):
-    assert [kind(("board",), (), Expression(each)).doubtful for each in (driver, "wind_m_s")] == [True, False]
+    assert [kind(("board",), (), Expression(each)).ambiguous for each in (driver, "wind_m_s")] == [True, False]
 
 
 def test_an_offset_that_leaps_is_no_heat_though_more_has_changed(circuit, simulated, seed):

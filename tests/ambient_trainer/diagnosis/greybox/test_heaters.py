@@ -8,16 +8,16 @@ import pytest
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
-from ambient_trainer.diagnosis.greybox.choice import Limits, Step, choose
+from ambient_trainer.diagnosis.greybox.choice import Limits, SelectionStep, choose
 from ambient_trainer.diagnosis.greybox.conducted import conducted
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms import heat
 from ambient_trainer.diagnosis.greybox.model import GreyBox
-from ambient_trainer.diagnosis.greybox.pairs import each_its_own
-from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.pairs import fit_separately
 from ambient_trainer.diagnosis.greybox.screening import screen
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
-from ambient_trainer.diagnosis.greybox.trials import compared
+from ambient_trainer.diagnosis.greybox.trials import fit_candidates
 from ambient_trainer.diagnosis.record import records
 
 from .test_places import PAIR, TRIO
@@ -43,17 +43,17 @@ def warmed(seed: int, into: tuple[str, str]) -> Trace:
     return Trace("heated", PERIOD_S * np.arange(SAMPLES), {**columns, "ambient_degC": np.full(SAMPLES, 25.0)})
 
 
-def at_all(trace: Trace, driver: str, circuit: Circuit = PAIR) -> Step:
+def at_all(trace: Trace, driver: str, circuit: Circuit = PAIR) -> SelectionStep:
     """The step that has chosen heat by one column at all bodies."""
     bodies = tuple(each.name for each in circuit.states)
     bare = bare_fit(GreyBox.of(circuit), records(trace, circuit.inputs, [f"{each}_degC" for each in bodies], PERIOD_S))
-    by_one = [each for each in heat.candidates(Scene(bare)) if each.key == ("heat_source", bodies, driver)]
-    trials = compared(bare, screen(Scene(bare), lambda scene, columns: iter(by_one)), lambda done, total: None)
+    by_one = [each for each in heat.candidates(Context(bare)) if each.key == ("heat_source", bodies, driver)]
+    trials = fit_candidates(bare, screen(Context(bare), lambda context, columns: iter(by_one)), lambda *done: None)
     chosen = choose(bare, [each for each in trials if each.mechanism.places == bodies], 0.0)
-    return Step(bare, chosen, tuple(trials), 1)
+    return SelectionStep(bare, chosen, tuple(trials), 1)
 
 
-def keys(steps: list[Step]) -> list[tuple[str, tuple[str, ...], str]]:
+def keys(steps: list[SelectionStep]) -> list[tuple[str, tuple[str, ...], str]]:
     return sorted(each.chosen.mechanism.key for each in steps)
 
 
@@ -61,7 +61,7 @@ def keys(steps: list[Step]) -> list[tuple[str, tuple[str, ...], str]]:
 def test_each_of_two_heaters_is_told_from_one_of_both(into, seed):
     expected = [("heat_source", ("fast",), "one_frac"), ("heat_source", ("slow",), "other_frac")]
     step = at_all(warmed(seed, into), "one_frac")
-    assert keys(each_its_own(step, Limits())) == (expected if into == ("one", "other") else []), seed
+    assert keys(fit_separately(step, Limits())) == (expected if into == ("one", "other") else []), seed
 
 
 def warmed_by_a_path(seed: int, power_W=(50.0, 0.0), loss_W_K=(0.2, 0.4), heat_J_K=(25.0, 100.0)) -> Trace:
@@ -105,7 +105,7 @@ def test_a_body_with_a_heater_of_its_own_name_is_warmed_by_no_path(seed):
 @pytest.mark.parametrize(("node", "has"), [("bed", True), ("room2", True), ("room3", False), ("lid", False)])
 def test_a_heater_is_named_after_its_body_and_number(node, has):
     others = ["bed_heater_frac", "room1_heater_W", "room2_heater_W", "lid_heater_degC", "lid_open_frac"]
-    assert Scene.has_a_heater(SimpleNamespace(columns=others), node, Expression("room1_heater_W")) == has
+    assert Context.has_a_heater(SimpleNamespace(columns=others), node, Expression("room1_heater_W")) == has
 
 
 def test_a_heater_that_was_on_once_for_a_moment_is_a_driver(circuit, seed):

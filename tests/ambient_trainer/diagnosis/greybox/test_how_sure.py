@@ -8,12 +8,12 @@ import pytest
 
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.findings import steps_of
-from ambient_trainer.diagnosis.greybox.choice import Step
+from ambient_trainer.diagnosis.greybox.choice import SelectionStep
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
-from ambient_trainer.diagnosis.greybox.revision import beside, pruned
+from ambient_trainer.diagnosis.greybox.revision import prune, refit_as
 from ambient_trainer.diagnosis.greybox.stepwise import Selection, bare_fit
 from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.result import UNKNOWN
@@ -61,7 +61,7 @@ def test_no_instrument_is_blamed_for_it(circuit, simulated, recorded, instrument
     bias = Bias(("board",), (Number("bias_board", "degC", 5.0, scale=1.0),))
     constant = Heat(("board",), (Number("heat_board", "W", 2.0, scale=1.0),))
     taken = Trial.of(bare, fit(bare.model.with_mechanism(bias if instrument else constant), bare.records).refitted())
-    step = Step(bare, taken, (taken,), 1)
+    step = SelectionStep(bare, taken, (taken,), 1)
     before, after = bare.held_out_rmse_degC, taken.rmse_degC
     floor_degC = before - (before - after) / 0.8
     found = module._diagnosis(circuit, [trace], Selection(bare, taken.fitted, (step,), step), floor_degC, ())
@@ -83,15 +83,15 @@ def fits(circuit, simulated, recorded):
 
 def test_what_gains_less_than_a_step_has_to_goes(fits):
     _, _, both = fits
-    lost = np.log(beside(both, both.model.without(0)).held_out_rmse_degC / both.held_out_rmse_degC)
+    lost = np.log(refit_as(both, both.model.without(0)).held_out_rmse_degC / both.held_out_rmse_degC)
     assert 0.025 < lost < 0.085
-    assert [each.driver.text for each in pruned(both, 0).model.mechanisms] == ["sun_W_m2"]
+    assert [each.driver.text for each in prune(both, 0).model.mechanisms] == ["sun_W_m2"]
 
 
 def test_it_is_not_sure_though_it_gained_much_when_it_was_taken(fits):
     bare, first, both = fits
     taken = [Trial.of(bare, first), Trial.of(first, both)]
-    steps = (Step(bare, taken[0], (taken[0],), 1), Step(first, taken[1], (taken[1],), 1))
+    steps = (SelectionStep(bare, taken[0], (taken[0],), 1), SelectionStep(first, taken[1], (taken[1],), 1))
     panel, sun = steps_of(Selection(bare, both, steps, steps[0]), 0)
     assert taken[0].rmse_degC < 0.5 * bare.held_out_rmse_degC
     assert panel.confidence < 0.5 < sun.confidence
@@ -117,4 +117,4 @@ def test_heat_that_wanders_is_surely_no_heat_for_a_while(circuit, simulated, see
 )
 def test_work_that_cools_stands_for_something_else(driver, value, doubtful):
     """A measured processor seemed to be cooled by its load, as a fan went with it."""
-    assert heat(driver, value).doubtful is doubtful
+    assert heat(driver, value).ambiguous is doubtful

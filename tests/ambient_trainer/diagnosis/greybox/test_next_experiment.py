@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from ambient_trainer.diagnosis.findings import cause_of, steps_of
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Drift
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
-from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.screening import lasting_candidates
+from ambient_trainer.diagnosis.greybox.screening import permanent_candidates
 from ambient_trainer.diagnosis.greybox.stepwise import anchors, bare_fit, stepwise
 from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.next_experiment import _closest, _largest, next_experiment
@@ -25,21 +25,21 @@ UNITS_S = {"s": 1.0, "min": 60.0, "h": 3600.0}
 def test_a_step_of_the_driver_is_proposed(circuit, simulated, recorded, seed):
     records = recorded(simulated(seed, heat_W=lambda now, degC: 0.8 * now["current_A"] ** 2))
     model = GreyBox.of(circuit)
-    selection = stepwise(bare_fit(model, records), anchors(model, records), offered=lasting_candidates)
-    said = next_experiment(selection, steps_of(selection, 0))
+    selection = stepwise(bare_fit(model, records), anchors(model, records), offered=permanent_candidates)
+    text = next_experiment(selection, steps_of(selection, 0))
     found = re.search(
         r"take `(\w+)` from (\S+) to (\S+): after (\S+) (s|min|h), `board` reads (\S+) degC if .*?,"
         r" (\S+) degC if nothing",
-        said,
+        text,
     )
-    assert found, (seed, said)
+    assert found, (seed, text)
     column, before, after, span, unit, warm, cold = found.groups()
     assert column == "current_A"
     C, R, k = (number.value for number in selection.final.model.numbers)
     settling = 1.0 - np.exp(-float(span) * UNITS_S[unit] / (R * C))
     rise = R * k * (float(before) ** 2 + (float(after) ** 2 - float(before) ** 2) * settling)
     # the time is said to two figures
-    assert float(warm) - float(cold) == pytest.approx(rise, rel=0.05), (seed, said)
+    assert float(warm) - float(cold) == pytest.approx(rise, rel=0.05), (seed, text)
 
 
 def test_no_column_is_moved_without_the_one_that_goes_along_and_an_offset_needs_a_second_thermometer(circuit):
@@ -61,12 +61,12 @@ def test_no_column_is_moved_without_the_one_that_goes_along_and_an_offset_needs_
     assert _closest(selection, steps[0], selection.steps[0].chosen) is None
     selection, steps = asked(heat("current_A^2"), heat("current_A"))
     assert _closest(selection, steps[0], selection.steps[0].chosen) is selection.compared.trials[1]
-    said = next_experiment(*asked(heat(None), Bias(("board",), (Number("bias_board", "degC", 1.0),))))
-    assert "thermometer" in said
-    assert "`board`" in said
+    text = next_experiment(*asked(heat(None), Bias(("board",), (Number("bias_board", "degC", 1.0),))))
+    assert "thermometer" in text
+    assert "`board`" in text
     drift = Drift(("board",), (Number("drift_board", "K/h", 1.0),))
-    said = next_experiment(*asked(drift, heat("time_s")))
-    assert "`board`: it reads the same if heat_source at board by time_s" in said
+    text = next_experiment(*asked(drift, heat("time_s")))
+    assert "`board`: it agrees with the sensor if the cause is heat_source at board by time_s" in text
 
 
 @pytest.mark.parametrize("heat_W", [20.0, -20.0])
@@ -75,7 +75,7 @@ def test_no_reading_is_predicted_far_from_what_the_log_has_seen(circuit, simulat
     model = GreyBox.of(circuit)
     heat = next(
         each
-        for each in lasting_candidates(Scene(fit(model, records, most=0)), lambda mechanism: np.zeros(1))
+        for each in permanent_candidates(Context(fit(model, records, most=0)), lambda mechanism: np.zeros(1))
         if each.key == ("heat_source", ("board",), "current_A")
     )
     one = fit(model, records, most=0)

@@ -8,13 +8,13 @@ from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.forward import forward
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.mechanisms import heat, mass
 from ambient_trainer.diagnosis.greybox.mechanisms.latent import Latent
 from ambient_trainer.diagnosis.greybox.model import GreyBox
-from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import every_candidate, screen, shortlist
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
-from ambient_trainer.diagnosis.greybox.trials import compared, complexity
+from ambient_trainer.diagnosis.greybox.trials import complexity, fit_candidates
 from ambient_trainer.diagnosis.record import records
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause
 
@@ -48,9 +48,9 @@ def test_each_body_of_a_group_begins_where_it_is_best_by_itself(pair, seed):
     held = records(Trace("pair", TIME_S, columns), pair.inputs, ["fast_degC", "slow_degC"], 30.0)
     bare = bare_fit(GreyBox.of(pair), held)
     bodies = screen(
-        Scene(bare), lambda scene, columns: (each for each in mass.candidates(scene) if not each.sees_ambient)
+        Context(bare), lambda given, columns: (each for each in mass.candidates(given) if not each.sees_ambient)
     )
-    both = [each for each in compared(bare, shortlist(bodies), lambda *done: None) if len(each.mechanism.places) == 2]
+    both = [it for it in fit_candidates(bare, shortlist(bodies), lambda *done: None) if len(it.mechanism.places) == 2]
     assert min(each.fitted.rmse_degC for each in both) < 0.05, seed
 
 
@@ -124,7 +124,7 @@ def test_where_nothing_that_heats_is_logged_a_place_costs_a_number(pair, logged,
     air = air_degC(draw)
     columns = {"fast_degC": air + 1.0, "slow_degC": air - 1.0, "ambient_degC": air, logged: draw.random(len(TIME_S))}
     held = records(Trace("pair", TIME_S, columns), pair.inputs, ["fast_degC", "slow_degC"], 30.0)
-    constants = [each for each in heat.candidates(Scene(bare_fit(GreyBox.of(pair), held))) if each.driver is None]
+    constants = [each for each in heat.candidates(Context(bare_fit(GreyBox.of(pair), held))) if each.driver is None]
     cost = {each.places: complexity(each) for each in constants}
     assert cost["fast", "slow"] - cost["fast",] == pytest.approx(dearer)
 
@@ -146,14 +146,14 @@ def test_where_one_of_several_places_shows_nothing_the_others_are_compared(pair)
     fast = 21.0 + lsim(([-1 / 300], [0.1], [1], [0]), heater, time_s)[1]
     columns = {"fast_degC": fast, "slow_degC": still, "ambient_degC": still, "heater_frac": heater}
     held = records(Trace("pair", time_s, columns), pair.inputs, ["fast_degC", "slow_degC"], 10.0)
-    screened = screen(Scene(bare_fit(GreyBox.of(pair), held)), every_candidate)
+    screened = screen(Context(bare_fit(GreyBox.of(pair), held)), every_candidate)
     assert (screened[0].mechanism.cause, screened[0].mechanism.driver.text) == ("heat_source", "heater_frac")
 
 
 @pytest.mark.parametrize(("melting_degC", "doubtful"), [(0.0, False), (30.0, True)])
 def test_only_water_melts_without_a_doubt(melting_degC, doubtful):
     body = Latent(("fast",), (), melting_degC=melting_degC)
-    assert (body.doubtful, body.assumes > 0) == (doubtful, doubtful)
+    assert (body.ambiguous, body.assumes > 0) == (doubtful, doubtful)
 
 
 def test_bodies_that_stay_as_they_are_cost_as_much_at_each_place(pair):
@@ -161,7 +161,7 @@ def test_bodies_that_stay_as_they_are_cost_as_much_at_each_place(pair):
     air = air_degC(np.random.default_rng(4))
     trace = Trace("pair", TIME_S, {"fast_degC": air + 1.0, "slow_degC": air - 1.0, "ambient_degC": air})
     held = records(trace, pair.inputs, ["fast_degC", "slow_degC"], 30.0)
-    bodies = [each for each in mass.candidates(Scene(bare_fit(GreyBox.of(pair), held))) if not each.sees_ambient]
+    bodies = [each for each in mass.candidates(Context(bare_fit(GreyBox.of(pair), held))) if not each.sees_ambient]
     for each in bodies:
         stays = each.with_values([number.high if number.unit == "s" else number.value for number in each.numbers])
         assert complexity(stays) - complexity(each) == len(each.places)

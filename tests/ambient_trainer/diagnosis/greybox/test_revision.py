@@ -9,18 +9,18 @@ from scipy.signal import lfilter, lsim
 from ambient_trainer.circuits.addition import with_body, with_edge
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.forward import forward
-from ambient_trainer.diagnosis.greybox.choice import Step
+from ambient_trainer.diagnosis.greybox.choice import SelectionStep
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms import coupling, heat, mass
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
-from ambient_trainer.diagnosis.greybox.revision import is_chosen, near, revised
-from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.revision import close_rivals, is_same, revise
 from ambient_trainer.diagnosis.greybox.screening import screen
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit, stepwise
-from ambient_trainer.diagnosis.greybox.trials import Trial, compared
-from ambient_trainer.diagnosis.greybox.windows import sharpened
+from ambient_trainer.diagnosis.greybox.trials import Trial, fit_candidates
+from ambient_trainer.diagnosis.greybox.windows import refine_timing
 from ambient_trainer.diagnosis.record import records
 
 from ...conftest import in_air
@@ -37,17 +37,17 @@ def test_heat_by_a_current_becomes_heat_by_its_square(circuit, simulated, record
     held = recorded(simulated(seed, **hidden, conductance_W_K=lambda now, _: 0.3 + 0.12 * now["wind_m_s"]))
     bare = bare_fit(GreyBox.of(circuit), held)
     drivers = ("current_A", "current_A^2")
-    by_current = [each for each in heat.candidates(Scene(bare)) if type(each) is heat.Heat and each.key[2] in drivers]
-    screened = screen(Scene(bare), lambda scene, columns: iter(by_current))
-    trials = [replace(each, rmse_degC=1.0) for each in compared(bare, screened, lambda done, total: None)]
+    by_current = [each for each in heat.candidates(Context(bare)) if type(each) is heat.Heat and each.key[2] in drivers]
+    screened = screen(Context(bare), lambda context, columns: iter(by_current))
+    trials = [replace(each, rmse_degC=1.0) for each in fit_candidates(bare, screened, lambda done, total: None)]
     plain = next(each for each in trials if each.mechanism.key[2] == "current_A")
-    wind = next(each for each in coupling.candidates(Scene(plain.fitted)) if each.key[2] == "wind_m_s")
+    wind = next(each for each in coupling.candidates(Context(plain.fitted)) if each.key[2] == "wind_m_s")
     fitted = begun(plain.fitted, wind)
-    (step,), after = revised([Step(bare, plain, tuple(trials), 2)], fitted, 0, near)
+    (step,), after = revise([SelectionStep(bare, plain, tuple(trials), 2)], fitted, 0, close_rivals)
     assert step.chosen.mechanism.key[2] == "current_A^2", seed
     assert [each.key[2] for each in after.model.mechanisms] == ["current_A^2", "wind_m_s"], seed
     assert after.held_out_rmse_degC < 0.5 * fitted.held_out_rmse_degC, seed
-    assert revised([step], after, 0, near) is None, seed
+    assert revise([step], after, 0, close_rivals) is None, seed
 
 
 def test_what_takes_the_place_of_one_window_spares_the_other(circuit, simulated, recorded, seed):
@@ -60,14 +60,14 @@ def test_what_takes_the_place_of_one_window_spares_the_other(circuit, simulated,
     first, sunny = begun(bare, window(0.0, 6000.0)), begun(bare, heat_by("sun_W_m2", 0.002))
     both = begun(first, window(12000.0, 18000.0))
     trials = [replace(Trial.of(bare, each), rmse_degC=1.0) for each in (first, sunny)]
-    _, after = revised([Step(bare, trials[0], tuple(trials), 2)], both, 0, near)
+    _, after = revise([SelectionStep(bare, trials[0], tuple(trials), 2)], both, 0, close_rivals)
     assert [each.key[2] for each in after.model.mechanisms] == ["sun_W_m2"], seed
 
 
 def test_what_was_chosen_is_told_from_another_window_at_the_same_place():
     early = Heat(("board",), (), onset_s=0, end_s=9)
     late, always = replace(early, onset_s=9, end_s=18), replace(early, onset_s=None, end_s=None)
-    assert [is_chosen(each, early) for each in (replace(early, onset_s=0.5), late, always)] == [True, False, False]
+    assert [is_same(each, early) for each in (replace(early, onset_s=0.5), late, always)] == [True, False, False]
 
 
 def test_what_acts_on_a_body_neither_takes_its_place_nor_outlives_it(circuit, simulated, recorded, seed):
@@ -76,14 +76,14 @@ def test_what_acts_on_a_body_neither_takes_its_place_nor_outlives_it(circuit, si
     bare = bare_fit(GreyBox.of(circuit), held)
 
     def with_body(before, at):
-        return begun(before, next(each for each in mass.candidates(Scene(before)) if each.places == (at,)))
+        return begun(before, next(each for each in mass.candidates(Context(before)) if each.places == (at,)))
 
     first = with_body(bare, "board")
-    warmed, second = begun(first, next(heat.candidates(Scene(first)))), with_body(first, "board_mass")
+    warmed, second = begun(first, next(heat.candidates(Context(first)))), with_body(first, "board_mass")
     tried = [replace(Trial.of(bare, each), rmse_degC=1.0, at_bounds=False) for each in (first, second, warmed)]
-    assert revised([Step(bare, tried[0], tuple(tried), 3)], second, 0, near) is None, seed
-    alone, step = begun(bare, warmed.model.mechanisms[1]), Step(first, tried[2], tuple(tried[1:]), 2)
-    assert revised([step], alone, 0, near) is None, seed
+    assert revise([SelectionStep(bare, tried[0], tuple(tried), 3)], second, 0, close_rivals) is None, seed
+    alone, step = begun(bare, warmed.model.mechanisms[1]), SelectionStep(first, tried[2], tuple(tried[1:]), 2)
+    assert revise([step], alone, 0, close_rivals) is None, seed
 
 
 def test_a_lag_is_refined_though_its_heat_is_not_the_last(circuit, simulated, recorded):
@@ -95,7 +95,7 @@ def test_a_lag_is_refined_though_its_heat_is_not_the_last(circuit, simulated, re
     bare = bare_fit(GreyBox.of(circuit), records)
     model = bare.model.with_mechanism(heat_by("lag(current_A, 700)", 2.0)).with_mechanism(heat_by("sun_W_m2", 0.004))
     first = fit(model, records, prior=bare.prior)
-    again = sharpened(first, 0)
+    again = refine_timing(first, 0)
     assert again.model.mechanisms[0].driver.level == pytest.approx(400, rel=0.1)
     assert again.rmse_degC < 0.5 * first.rmse_degC
 
@@ -135,8 +135,8 @@ def test_heat_moves_to_where_it_is_once_what_hid_that_is_found(seed):
     noisy = {name: each + draw.normal(0, 0.03, 1200) for name, each in columns.items()}
     held = records(Trace("row", time_s, noisy), row.inputs, ["one_degC", "three_degC"], 30.0)
 
-    def offered(scene, columns):
-        driven = {"big_frac": scene.nodes, "small_frac": scene.nodes[: len(scene.known_heat)][:1]}
+    def offered(context, columns):
+        driven = {"big_frac": context.nodes, "small_frac": context.nodes[: len(context.known_heat)][:1]}
         for driver, nodes in driven.items():
             for node in nodes:
                 yield Heat((node,), (Number(f"heat_{node}", "W", 0.0),), Expression(driver))

@@ -9,19 +9,19 @@ from scipy.signal import lfilter
 from ambient_trainer.circuits.circuit import Addition
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
-from ambient_trainer.diagnosis.greybox.choice import Limits, Step
+from ambient_trainer.diagnosis.greybox.choice import Limits, SelectionStep
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms import coupling, heat, mass
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat, HeatInTheCold
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
-from ambient_trainer.diagnosis.greybox.pairs import pair
+from ambient_trainer.diagnosis.greybox.pairs import fit_pair
 from ambient_trainer.diagnosis.greybox.regression import fit
-from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import (
     Screened,
-    changed_candidates,
+    change_candidates,
     every_candidate,
-    lasting_candidates,
+    permanent_candidates,
     screen,
     shortlist,
 )
@@ -66,7 +66,7 @@ def test_what_runs_away_is_left_out_without_a_warning(circuit, simulated, record
     fitted = bare_fit(GreyBox.of(circuit), recorded(simulated(8)))
     number = Number("heat_board", "W", 0.0)
     steady, runaway = (kind(("board",), (number,)) for kind in (Heat, Runaway))
-    held = [each.mechanism for each in screen(Scene(fitted), lambda scene, columns: [steady, runaway])]
+    held = [each.mechanism for each in screen(Context(fitted), lambda context, columns: [steady, runaway])]
     assert [type(each) for each in held] == [Heat]
 
 
@@ -86,7 +86,7 @@ def test_a_law_gets_no_number_that_gains_nothing(circuit, simulated, recorded, s
     """Two runs of many in which noise, and how heat is held between samples, look like a resistance that changes."""
     records = recorded(simulated(seed, **CURRENT_W))
     model = GreyBox.of(circuit)
-    selection = stepwise(bare_fit(model, records), anchors(model, records), offered=lasting_candidates)
+    selection = stepwise(bare_fit(model, records), anchors(model, records), offered=permanent_candidates)
     assert [each.name for each in selection.final.model.numbers] == ["C_board", "R_board", "heat_board"]
 
 
@@ -172,7 +172,7 @@ def test_a_sensor_of_whole_degrees_that_hardly_moves_does_not_stand_still(circui
     for decimals in (1, 0):
         read = np.round(np.interp(trace.time_s, [9000, 9900], [20.0, 21.6]), decimals)
         records = recorded(replace(trace, columns={**trace.columns, "board_degC": read}))
-        found = Scene(anchors(GreyBox.of(circuit), records)[0]).still("board")
+        found = Context(anchors(GreyBox.of(circuit), records)[0]).still("board")
         assert (found is None) == (decimals == 0), seed
 
 
@@ -241,14 +241,14 @@ def test_what_is_no_finding_keeps_no_pair_away(circuit, simulated, recorded, mon
         heat = Heat(("board",), (number,), driver and Expression(driver), onset_s)
         return Trial.of(before, fit(before.model.with_mechanism(heat), before.records))
 
-    def compared(before, screened, progress):
+    def fit_candidates(before, screened, progress):
         driver = before.model.mechanisms[0].driver.text
-        begins[driver] = not all(each.mechanism.lasts for each in screened)
+        begins[driver] = not all(each.mechanism.permanent for each in screened)
         return [replace(tried(before, onset_s=18000.0), rmse_degC=1e-3) if driver == "current_A" else tried(before)]
 
-    monkeypatch.setitem(pair.__globals__, "compared", compared)
-    plain, *others = (tried(bare, driver) for driver in ("current_A", "current_A^2", "sun_W_m2", "beam_W_m2"))
-    steps = pair(Step(bare, plain, (plain, *others), 2), (), Limits(), every_candidate, lambda *given: None)
+    monkeypatch.setitem(fit_pair.__globals__, "fit_candidates", fit_candidates)
+    plain, *rest = (tried(bare, driver) for driver in ("current_A", "current_A^2", "sun_W_m2", "beam_W_m2"))
+    steps = fit_pair(SelectionStep(bare, plain, (plain, *rest), 2), (), Limits(), every_candidate, lambda *given: None)
     assert [each.chosen.mechanism.key[2] for each in steps] == ["current_A^2", ""]
     assert begins == {"current_A": True, "current_A^2": True, "sun_W_m2": False}
 
@@ -267,7 +267,7 @@ def test_what_moves_air_heats_nothing(circuit, simulated, recorded, column):
     trace = simulated(3, heat_W=lambda now, degC: 0.5 * now["wind_m_s"])
     moved = {**trace.columns, column: trace.columns["wind_m_s"]}
     bare = bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=moved)))
-    drivers = [(each.mechanism.cause, each.mechanism.key[2]) for each in screen(Scene(bare), lasting_candidates)]
+    drivers = [(each.mechanism.cause, each.mechanism.key[2]) for each in screen(Context(bare), permanent_candidates)]
     assert ("ambient_coupling", column) in drivers
     assert not [each for each in drivers if each[0] == "heat_source" and column in each[1]]
 
@@ -276,8 +276,8 @@ def test_no_loss_falls_with_what_heats_or_blows(circuit, simulated, recorded):
     """It would read as heat does: a laptop's, by the power of its battery."""
     trace = simulated(6)
     shares = dict.fromkeys(("lamp_frac", "blind_frac"), trace.columns["humidity_frac"])
-    scene = Scene(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns={**trace.columns, **shares}))))
-    most = {each.key[2]: -each.numbers[0].low * scene.extent(each.driver)[1] for each in coupling.candidates(scene)}
+    context = Context(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns={**trace.columns, **shares}))))
+    most = {each.key[2]: -each.numbers[0].low * context.extent(each.driver)[1] for each in coupling.candidates(context)}
     judged = ("current_A", "sun_W_m2", "wind_m_s", "lamp_frac", "humidity_frac", "blind_frac")
     assert [name for name in judged if most[name] > 0.5] == ["humidity_frac", "blind_frac"]
 
@@ -299,13 +299,13 @@ def test_no_heater_cools_or_heats_beyond_a_level_alone(circuit, simulated, recor
     columns = {renamed.get(name, name): row for name, row in trace.columns.items()}
     columns["ac1_W"] = columns["ac_power_W"] = columns["sun_W_m2"]  # alternating current, and a room's air conditioner
     columns["sun_W_m2"] = columns["sun_W_m2"] - 2.0  # as a pyranometer reads at night
-    scene = Scene(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=columns))))
-    least = {each.driver.text: each.numbers[0].low for each in heat.candidates(scene) if each.driver is not None}
+    context = Context(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=columns))))
+    least = {each.driver.text: each.numbers[0].low for each in heat.candidates(context) if each.driver is not None}
     judged = ("heater2_frac", "ac1_W", "ac_power_W", "heater_cooling_frac", "valve_frac")
     assert [least[name] for name in judged] == [0.0, 0.0, -np.inf, -np.inf, -np.inf]
-    beyond = {each.columns[0] for each in scene.tuned_drivers if ">" in each.text}
+    beyond = {each.columns[0] for each in context.tuned_drivers if ">" in each.text}
     assert {"heater2_frac", "valve_frac"} & beyond == {"valve_frac"}
-    falls = {each.driver.text: each.numbers[0].low for each in coupling.candidates(scene)}
+    falls = {each.driver.text: each.numbers[0].low for each in coupling.candidates(context)}
     assert falls["sun_W_m2"] * columns["sun_W_m2"].max() > -0.2
 
 
@@ -321,7 +321,7 @@ def test_a_body_does_not_begin_hotter_than_all_that_is_known(circuit, recorded, 
     columns = {"board_degC": np.array(board_degC)[::6], "ambient_degC": air_degC[::6]}
     held = recorded(Trace("board.csv", 30.0 * np.arange(1200), columns))
     bare = bare_fit(GreyBox.of(circuit), held)
-    body = next(each for each in mass.candidates(Scene(bare)) if not each.sees_ambient)
+    body = next(each for each in mass.candidates(Context(bare)) if not each.sees_ambient)
     known = replace(bare.model, own=tuple(replace(n, value=v) for n, v in zip(bare.model.own, (120.0, 2.5))))
     fitted = fit(known.with_mechanism(body.with_values([0.4, 5000.0])), held)
     assert fitted.rmse_degC < 0.1
@@ -384,9 +384,9 @@ def test_a_body_that_is_put_there_for_a_while_is_no_place_for_others(circuit, si
     """Nothing joins it before and after: an amount there has no scale."""
     records = recorded(simulated(1))
     bare = fit(GreyBox.of(circuit), records)
-    put = replace(next(iter(mass.begun(Scene(bare)))), onset_s=9000.0, end_s=18000.0)
+    put = replace(next(iter(mass.begun(Context(bare)))), onset_s=9000.0, end_s=18000.0)
     beside = fit(bare.model.with_mechanism(put), records, [None for _ in records], most=2)
-    for each in screen(Scene(beside), changed_candidates):
+    for each in screen(Context(beside), change_candidates):
         assert np.isfinite(beside.model.with_mechanism(each.mechanism).z()).all(), str(each.mechanism)
         assert not each.mechanism.key[2].startswith("ambient_degC >"), "known-good records would have shown it"
 
@@ -396,7 +396,7 @@ def test_a_pressure_heats_by_its_rate_alone_and_a_sun_that_hardly_moves(circuit,
     grows = np.linspace(0, 1, len(trace.time_s)) ** 2
     columns = {"air_hPa": 300 + 700 * grows, "rh1_frac": grows, "sun_W_m2": 990 + 20 * grows}
     fitted = bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns={**trace.columns, **columns})))
-    drivers = {each.driver.text for each in heat.candidates(Scene(fitted)) if each.driver is not None}
+    drivers = {each.driver.text for each in heat.candidates(Context(fitted)) if each.driver is not None}
     assert {each for each in drivers if "humidity" in each or "hPa" in each or "rh1" in each} == {"d(air_hPa)/dt"}
     assert "sun_W_m2" in drivers
 
@@ -414,6 +414,6 @@ def test_what_is_refined_is_taken_only_where_it_leaves_less(circuit, simulated, 
     def spoiled(fitted, index=-1):
         return fit(bare.model.with_mechanism(heated(1800)), fitted.records, prior=fitted.prior)
 
-    monkeypatch.setitem(stepwise.__globals__, "sharpened", spoiled)
-    step = stepwise(bare, (), Limits(), offered=lambda scene, columns: iter([heated(600)])).steps[0]
+    monkeypatch.setitem(stepwise.__globals__, "refine_timing", spoiled)
+    step = stepwise(bare, (), Limits(), offered=lambda context, columns: iter([heated(600)])).steps[0]
     assert step.chosen.mechanism.driver.text == "delay(sun_W_m2, 600)"

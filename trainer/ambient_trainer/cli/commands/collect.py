@@ -31,9 +31,7 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 @click.option(
     "--speed", type=cli.FiniteRange(min=0.1, max=1000.0), show_default="1", help="With --simulate: times real time."
 )
-@click.option(
-    "--seed", type=click.IntRange(min=0), show_default="0", help="With --simulate: another one, another noise."
-)
+@click.option("--seed", type=click.IntRange(min=0), show_default="0", help="With --simulate: of the noise.")
 @click.option("--resume", is_flag=True, help="Go on with the run that was stopped before its end.")
 @click.option("--dry-run", is_flag=True, help="Only print the schedule and the length.")
 def command(

@@ -14,7 +14,7 @@ from ambient_trainer import cli
 from ambient_trainer.cli.commands.fit import STOPPED
 
 if TYPE_CHECKING:
-    from ambient_trainer.evaluation.compare import Contender
+    from ambient_trainer.evaluation.compare import ScoredFit
 
 
 @click.command("compare")
@@ -43,7 +43,7 @@ def command(
     from ambient_trainer.api.data import sensor_columns  # scipy: --help should not wait for it
     from ambient_trainer.data.trace import load_trace, sha256_of
     from ambient_trainer.estimators.registry import estimator
-    from ambient_trainer.evaluation.compare import Contest, contend, report_of, split_contest
+    from ambient_trainer.evaluation.compare import Split, fit_and_score, report_of, split_at
 
     if models is not None and not Path(models).is_dir():
         raise refuse(models, "", "is no folder", "make it first")
@@ -56,13 +56,13 @@ def command(
     for name in circuit:
         estimator(name)  # a wrong name should not cost the fits before it
     traces = [load_trace(path) for path in trace_paths]
-    contest = split_contest(traces[0], split_s) if split_s is not None else Contest(traces, load_trace(str(held_out)))
+    contest = split_at(traces[0], split_s) if split_s is not None else Split(traces, load_trace(str(held_out)))
     if held_out is not None and sha256_of(held_out) in map(sha256_of, trace_paths):
         raise click.UsageError(f"{held_out} is a training trace too: hold out another one, or use --split")
-    contenders: list[Contender] = []
+    contenders: list[ScoredFit] = []
     for name in circuit:
         with cli.fit_progress(name, effort, effort.starts, contest.samples) as progress:
-            contenders.append(contend(name, contest, sensor_columns(sensors), effort, progress))
+            contenders.append(fit_and_score(name, contest, sensor_columns(sensors), effort, progress))
         if models is not None:
             save_model(written[len(contenders) - 1], contenders[-1].model)
         if contenders[-1].fit.stopped:

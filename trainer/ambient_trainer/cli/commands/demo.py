@@ -27,7 +27,7 @@ def command(folder: str) -> None:
     from rich.console import Console
 
     from ambient_trainer.data.trace import load_trace
-    from ambient_trainer.evaluation.compare import Contest, contend, report_of
+    from ambient_trainer.evaluation.compare import Split, fit_and_score, report_of
 
     place = made_folder(folder)
     training, verification = str(place / "training.csv"), str(place / "verification.csv")
@@ -37,11 +37,11 @@ def command(folder: str) -> None:
         at.simulate(_TRAINING, seed=0).save(training)
         at.simulate(_VERIFICATION, seed=1).save(verification)
     click.echo("2. Circuits are fitted to the first run and scored on the second, which none of them saw.")
-    contest = Contest([load_trace(training)], load_trace(verification))
+    contest = Split([load_trace(training)], load_trace(verification))
     contenders, effort = [], at.Effort()
     for name in _CIRCUITS:
         with cli.fit_progress(name, effort, effort.starts, contest.samples) as progress:
-            contenders.append(contend(name, contest, (), effort, progress))
+            contenders.append(fit_and_score(name, contest, (), effort, progress))
     cli.Output().show(report_of(contenders))
     exported = next(each for each in contenders if each.fit.circuit == _EXPORTED)
     save_model(model_path, exported.model)

@@ -33,7 +33,7 @@ from ambient_trainer import cli
 def command(
     trace_paths: tuple[str, ...], circuit: str, output: cli.Output, extended_path: str | None, **question: Any
 ) -> None:
-    """Show where TRACE and the simulated circuit part, name the cause, and measure what adding it gains.
+    """Show where TRACE and the simulated circuit differ, name the cause, and measure what adding it gains.
 
     The circuit is simulated forward: ambient and drives in, every sensor out. With --baseline it is fitted to
     known-good traces, and the question is what changed; without, the question is what the circuit lacks.

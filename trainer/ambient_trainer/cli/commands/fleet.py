@@ -32,7 +32,7 @@ BROKEN = 1
 @click.option("--resume", is_flag=True, help="Go on where this command was interrupted.")
 @click.option("--strict", is_flag=True, help="End with status 1 where a unit failed.")
 @cli.starts_option
-@cli.seed_option("Of the places.")
+@cli.seed_option("Of the starting points.")
 @cli.output_options("what the terminal shows", page=True)
 def command(
     logs: str, circuit: str, folder: str, strict: bool, starts: int, seed: int, output: cli.Output, **how: Any
@@ -42,7 +42,7 @@ def command(
     LOGS is a folder of traces, CSV or Parquet, one a unit; or a Parquet dataset with a unit column, partitioned or not.
     DIR gets fleet.parquet, a row a unit, failures too; models/UNIT.json; and population.json, for a unit never seen.
 
-    What units share is learnt from all of them, what is a unit's own from its own log. A unit that cannot be read is a
+    What units share is estimated from all of them, the rest from a unit's own log. A unit that cannot be read is a
     row with the reason. Ctrl-C keeps what is done for --resume.
     """
     output.check([logs, circuit], folder=folder)

@@ -26,9 +26,9 @@ def _fixed(text: str) -> tuple[str, float | None]:
     "--replicates",
     type=click.IntRange(0, 1000),
     default=20,
-    help="Fit the circuit's own output so many times with noise of its own.",
+    help="Number of fits to the circuit's own output with added noise.",
 )
-@cli.seed_option("Of places and noise.")
+@cli.seed_option("Of starting points and noise.")
 @cli.window_options
 @cli.period_option()
 @cli.output_options()

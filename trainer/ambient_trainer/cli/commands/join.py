@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     type=cli.FiniteRange(0, min_open=True),
     metavar="S",
     show_default="half of the shorter trace",
-    help="Search no larger shift.",
+    help="Largest shift to search.",
 )
 @cli.output_options("the shifts")
 @click.option("-o", "trace_out", metavar="TRACE", required=True, help="The joined trace; .gz compresses it.")

@@ -158,7 +158,7 @@ def _check_asked(path: str, line: int, names: list[str], asked: dict[str, str], 
         if name not in names:
             faults.append(Fault(place, f"no column '{name}' in {path}", f"line {line} has {', '.join(names)}"))
         elif names.count(name) > 1:
-            faults.append(Fault(place, f"column '{name}' stands twice in {path}", f"rename one in line {line}"))
+            faults.append(Fault(place, f"column '{name}' is duplicated in {path}", f"rename one in line {line}"))
     if faults:
         raise Refused(source, faults)
 

@@ -1,1 +1,1 @@
-"""Grey-box models: a circuit with mechanisms, simulated, fitted to runs, and extended by what it lacks."""
+"""Grey-box models: a circuit with added mechanisms, simulated, fitted to records, and extended by selection."""

@@ -1,4 +1,4 @@
-"""All that a log offers at once, and what is needless goes: some causes show themselves only beside several others.
+"""Backward elimination: fit every cause that the log offers at once, then drop those that are not needed.
 
 Heat by every column that may heat, constant heat, paths and bodies at all places are fitted together; then whatever the
 held-out error does not miss is left out, one amount after the other.
@@ -9,17 +9,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step
+from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, SelectionStep
+from ambient_trainer.diagnosis.greybox.context import THERMOELECTRIC, WARMING, Context
 from ambient_trainer.diagnosis.greybox.expression import words_in
 from ambient_trainer.diagnosis.greybox.mechanisms import heat, mass, path
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
-from ambient_trainer.diagnosis.greybox.scene import THERMOELECTRIC, WARMING, Scene
-from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, assumed, begins_apart, identified
+from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, assumed, identified, starts_out_of_range
 
 _HEATING = (*WARMING, "_frac", "_on", "_lux", "_A^2")
 _MOST_NUMBERS, _SAMPLES_PER_NUMBER = 40, 10
-"""With more numbers, or fewer samples to each, a fit of everything says nothing, and takes long."""
+"""Maximum number of parameters, and minimum samples per parameter, of a joint fit."""
 _STARTED, _LAGS = 0.3, (1, 3)
 """Of a candidate's first amount; and which of the bodies' time constants."""
 _TRIED, _MANY, _FEW = 4, 60, 20
@@ -27,19 +27,19 @@ _TRIED, _MANY, _FEW = 4, 60, 20
 
 
 def score(fitted: Fitted) -> float:
-    """The logarithm of the held-out error, and what a model takes for granted."""
+    """Logarithm of the held-out error, penalised for the model's complexity."""
     return float(np.log(fitted.held_out_rmse_degC)) + PENALTY * assumed(fitted.model)
 
 
-def eliminated(bare: Fitted) -> Fitted | None:
+def eliminate_backward(bare: Fitted) -> Fitted | None:
     """What is left of everything, with or without bodies, which what is logged may heat first; None where that is too
     much for the record, or nothing."""
-    scene, given, found = Scene(bare), len(bare.model.mechanisms), []
+    context, given, found = Context(bare), len(bare.model.mechanisms), []
     samples = sum(record.samples for record in bare.records)
-    heats, bodies = list(_heats(scene)), _bodies(scene)
-    behind = [[each, *map(_behind, heats)] for each in bodies if any(heat.driver for heat in heats)]
+    heats, bodies = list(_heats(context)), _bodies(context)
+    behind = [[each, *map(_move_behind, heats)] for each in bodies if any(heat.driver for heat in heats)]
     for some in (heats, *([each, *heats] for each in bodies), *behind):
-        everything = [*some, *path.distinct(scene)]
+        everything = [*some, *path.distinct(context)]
         model = bare.model
         for each in everything:
             model = model.with_mechanism(each.started([_STARTED] * len(each.probes())) or each)
@@ -47,25 +47,25 @@ def eliminated(bare: Fitted) -> Fitted | None:
             continue
         fitted = _fit(model, bare, _MANY)
         if fitted is not None:
-            found.append(_sound(_needed(fitted.refitted(), given), given))
+            found.append(_drop_unidentified(_drop_needless(fitted.refitted(), given), given))
     return min((each for each in found if len(each.model.mechanisms) > given), key=score, default=None)
 
 
-def steps_to(bare: Fitted, fitted: Fitted, tried: int) -> list[Step]:
+def steps_to(bare: Fitted, fitted: Fitted, tried: int) -> list[SelectionStep]:
     """The steps to a model whose mechanisms were found together, each beside all others; what is missed most first."""
     steps = []
     for index, mechanism in list(enumerate(fitted.model.mechanisms))[len(bare.model.mechanisms) :]:
-        without, after = _at_its_nodes(fitted.model, index), fitted
+        without, after = _without_and_reattach(fitted.model, index), fitted
         before = (without and _fit(without, fitted, _FEW)) or bare
         if without and not fitted.model.carries(index):
             after = _fit(without.with_mechanism(mechanism), fitted, _FEW) or fitted
         before = before.refitted()
         trial = replace(Trial.of(before, after.refitted()), mechanism=mechanism)
-        steps.append(Step(before, trial, (), tried))
+        steps.append(SelectionStep(before, trial, (), tried))
     return sorted(steps, key=lambda each: -each.before.held_out_rmse_degC)
 
 
-def _at_its_nodes(model: GreyBox, index: int) -> GreyBox | None:
+def _without_and_reattach(model: GreyBox, index: int) -> GreyBox | None:
     """The model without a mechanism; what acts on its bodies acts on the nodes before them. None where something acts
     on bodies behind those, or beside them."""
     gone = model.mechanisms[index]
@@ -82,30 +82,30 @@ def _fit(model: GreyBox, near: Fitted, most: int) -> Fitted | None:
     return fit(model, near.records, starts, most=most, tolerance=1e-3, prior=near.prior)
 
 
-def _needed(fitted: Fitted, given: int) -> Fitted:
-    """The model without amounts, and then paths and bodies, that it does as well without."""
-    for model in _less(fitted, given):
+def _drop_needless(fitted: Fitted, given: int) -> Fitted:
+    """Remove amounts, then paths and bodies, whose removal does not worsen the penalised error."""
+    for model in _smaller_models(fitted, given):
         without = _fit(model, fitted, _FEW)
         if without is None:
             continue
         most = score(fitted) + LEAST_GAIN
         without = without.refitted(float(np.exp(most - PENALTY * assumed(without.model))))
         if score(without) <= most:
-            return _needed(without, given)
+            return _drop_needless(without, given)
     return fitted
 
 
-def _sound(fitted: Fitted, given: int) -> Fitted:
-    """The model without what is not surely there, and bodies that begin far from all temperatures that are known."""
-    apart = begins_apart(fitted)
+def _drop_unidentified(fitted: Fitted, given: int) -> Fitted:
+    """Remove mechanisms that are not identified, and bodies that start out of the range of known temperatures."""
+    apart = starts_out_of_range(fitted)
     for index, each in list(enumerate(fitted.model.mechanisms))[given:]:
         if (not identified(fitted, index) or (apart and each.adds_nodes)) and not fitted.model.carries(index):
             without = _fit(fitted.model.without(index), fitted, _FEW)
-            return fitted if without is None else _sound(_needed(without.refitted(), given), given)
+            return fitted if without is None else _drop_unidentified(_drop_needless(without.refitted(), given), given)
     return fitted
 
 
-def _less(fitted: Fitted, given: int) -> Iterator[GreyBox]:
+def _smaller_models(fitted: Fitted, given: int) -> Iterator[GreyBox]:
     """Models with an amount of heat less, the least sure ones, or with a path or a body less."""
     model, others = fitted.model, []
     sure: list[tuple[float, int, GreyBox]] = []
@@ -123,28 +123,28 @@ def _less(fitted: Fitted, given: int) -> Iterator[GreyBox]:
     yield from others
 
 
-def _heats(scene: Scene) -> Iterator[Mechanism]:
+def _heats(context: Context) -> Iterator[Mechanism]:
     """Constant heat at all places, and heat by each column that may heat."""
-    for each in heat.candidates(scene):
+    for each in heat.candidates(context):
         text = "" if each.driver is None else each.driver.text
         plain = each.driver is None or each.driver.columns == (text.removesuffix("^2"),)
         heats = not text or text.endswith(_HEATING) or not THERMOELECTRIC.isdisjoint(words_in(text))
-        if each.places == tuple(scene.nodes) and type(each) is heat.Heat and plain and heats:
+        if each.places == tuple(context.nodes) and type(each) is heat.Heat and plain and heats:
             yield each
 
 
-def _behind(heating: Mechanism) -> Mechanism:
+def _move_behind(heating: Mechanism) -> Mechanism:
     """Heat by a log in the bodies behind its nodes: a heater's own, or a cell's core."""
     if heating.driver is None:
         return heating
     return replace(heating, places=tuple(f"{each}_mass" for each in heating.places))
 
 
-def _bodies(scene: Scene) -> Sequence[Mechanism]:
+def _bodies(context: Context) -> Sequence[Mechanism]:
     """A body behind every node, quick or slow."""
     bodies = [
         each
-        for each in mass.candidates(scene)
-        if each.places == tuple(scene.nodes) and len(each.numbers) == 2 * len(each.places)
+        for each in mass.candidates(context)
+        if each.places == tuple(context.nodes) and len(each.numbers) == 2 * len(each.places)
     ]
     return [bodies[each] for each in _LAGS]

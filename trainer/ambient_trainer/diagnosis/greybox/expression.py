@@ -1,4 +1,4 @@
-"""Drivers of effects are expressions of logged columns, read by one small grammar: never by ``eval``.
+"""Expressions of logged columns that drive effects, parsed by a small grammar and never by ``eval``.
 
 Columns by name, numbers, ``+ - * /``, ``^`` with a number, ``>`` and ``<`` (1 where true, else 0), ``sqrt(x)``,
 ``abs(x)``, ``d(x)/dt``, ``lag(x, seconds)`` of first order and ``delay(x, seconds)``: ``current_A^2 * charge_frac``,

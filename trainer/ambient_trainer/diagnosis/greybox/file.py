@@ -1,4 +1,4 @@
-"""Mechanisms in a circuit's file: as nodes, edges and sources where a circuit has them, else under ``mechanisms``."""
+"""Conversion of mechanisms to a circuit file and back: nodes, edges and sources, else under ``mechanisms``."""
 
 from dataclasses import fields, replace
 from functools import cache
@@ -47,7 +47,7 @@ def _added(circuit: Circuit, model: GreyBox) -> tuple[list[Addition], Circuit]:
     result = replace(circuit, mechanisms=())
     kept: list[Addition] = []
     for each in model.mechanisms:
-        native = each.native(result) if each.lasts else None
+        native = each.native(result) if each.permanent else None
         if native is None:
             kept.append(addition_of(each))
         else:

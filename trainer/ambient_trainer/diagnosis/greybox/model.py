@@ -1,4 +1,4 @@
-"""A grey-box model: a circuit read forward, and mechanisms that were added to it; their numbers are fitted together.
+"""A grey-box model: a circuit in forward form with added mechanisms, whose parameters are estimated together.
 
 Every number has a coordinate z: its logarithm where it is positive by nature, else its multiple of ``scale``.
 """
@@ -18,14 +18,14 @@ from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.record import Record
 
 PRIOR_SD, FREE_SD = 3.0, 20.0
-"""Of a circuit's number a factor of twenty; of a mechanism's as good as none."""
+"""Prior of a circuit's parameter, a factor of twenty; of a mechanism's parameter, practically uninformative."""
 _WITHIN_SD = 4.0
 """Bounds that a circuit's file gives are so many standard deviations apart: they advise, and bind nothing."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number that is fitted: in ``unit``, logarithmic or a multiple of ``scale``, within physical bounds."""
+    """A parameter to be estimated: in ``unit``, logarithmic or a multiple of ``scale``, within physical bounds."""
 
     name: str
     unit: str
@@ -35,9 +35,9 @@ class Number:
     low: float = -np.inf
     high: float = np.inf
     prior_sd: float = FREE_SD
-    """Of its coordinate, about where it begins."""
+    """Prior standard deviation of its coordinate about its initial value."""
     saturates: bool = False
-    """Whether all does the same beyond its upper bound: to end there says nothing against it."""
+    """Whether its effect saturates at the upper bound, so that an estimate there is acceptable."""
 
     @property
     def z(self) -> float:
@@ -58,7 +58,7 @@ class Number:
 
     @property
     def at_bound(self) -> bool:
-        """Whether it stands at one of them."""
+        """Whether it is at one of its bounds."""
         ends = self.range_z[: 1 if self.saturates else 2]
         return any(abs(self.z - end) < 1e-6 * max(1.0, abs(end)) for end in ends)
 
@@ -69,7 +69,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """What a circuit may lack: a cause at one or several places, driven by an expression or by nothing logged."""
+    """Model extension: a cause at one or several places, driven by an expression of logged columns or unlogged."""
 
     places: tuple[str, ...]
     numbers: tuple[Number, ...]
@@ -78,69 +78,72 @@ class Mechanism:
     end_s: float | None = None
 
     cause = ""
-    """What the diagnosis calls it."""
+    """Its key in a diagnosis."""
     noun = ""
-    """The same in words."""
+    """The same as a noun phrase."""
     instrument = False
-    """It is the instrument's, not heat's."""
+    """It is a sensor fault, not a thermal effect."""
 
     @property
-    def responds(self) -> bool:
-        """Whether what drives it is a temperature that the same causes may drive."""
+    def endogenous(self) -> bool:
+        """Whether its driver is a temperature that responds to the same causes."""
         return False
 
     @property
-    def given(self) -> bool:
-        """Whether what drives it is a temperature that nothing else here drives."""
+    def exogenous(self) -> bool:
+        """Whether its driver is a temperature that is imposed from outside."""
         return False
 
     @property
     def structural(self) -> bool:
-        """Whether it is of how a device is built: known-good records would have shown it."""
+        """Whether it belongs to the design of the device: known-good records would have shown it."""
         return False
 
     @property
     def tuned(self) -> bool:
-        """Whether its driver has a delay or a level, which is placed on a grid and then refined."""
+        """Whether its driver has a delay or a threshold, which is searched on a grid and then refined."""
         return False
 
     @property
-    def doubtful(self) -> bool:
-        """Whether something quite different reads the same."""
+    def ambiguous(self) -> bool:
+        """Whether a quite different cause gives the same readings."""
+        return False
+
+    @property
+    def step_like(self) -> bool:
+        """Whether the readings jump where it begins or ends."""
         return False
 
     @property
     def slow(self) -> bool:
-        """Whether it is a body slower than the record: any temperature that stays does the same."""
+        """Whether it is a mass slower than the record: a constant temperature acts the same."""
         return False
 
     @property
     def assumes(self) -> float:
-        """What it takes for granted besides its numbers."""
+        """What it assumes besides its parameters."""
         return 0.0
 
-    stops = True
-    """Whether what has begun may end: a drift that stops is a step."""
+    may_end = True
+    """Whether what has begun may end within the record: a drift that ends is a step."""
     adds_nodes = False
-    """It comes before what acts on nodes."""
+    """It is applied before mechanisms that act on nodes."""
     by_place = False
-    """It has an amount of its own at each of several places."""
+    """It has a separate amount at each of several places."""
     of_reference = False
-    """Whether it is the instrument of the ambient: it shows at all sensors."""
-    sudden = False
-    """Where it begins or ends, the readings jump."""
-    evident = False
-    """It shows itself in the readings alone."""
-    shaped = False
-    """What it does to first order says little of what it does: it is fitted from several starts."""
+    """Whether it is a fault of the ambient's reference: it affects all sensors."""
+    visible_in_readings = False
+    """It can be seen in the readings without a model: a sensor that is stuck."""
+    multistart = False
+    """It is strongly nonlinear: it is fitted from several starting points."""
 
     @property
-    def lasts(self) -> bool:
-        """Whether it acts all the time."""
+    def permanent(self) -> bool:
+        """Whether it acts throughout the record."""
         return (self.onset_s, self.end_s) == (None, None)
 
-    def meets(self, other: Mechanism) -> bool:
-        """Whether there is a time at which both act."""
+    def overlaps(self, other: Mechanism) -> bool:
+        """Whether both act at some time."""
         onsets = (each.onset_s for each in (self, other) if each.onset_s is not None)
         ends = (each.end_s for each in (self, other) if each.end_s is not None)
         return max(onsets, default=-np.inf) < min(ends, default=np.inf)
@@ -150,27 +153,27 @@ class Mechanism:
         raise NotImplementedError
 
     def probes(self) -> Sequence[Sequence[float]]:
-        """Small values of its numbers that span what it adds to first order."""
+        """Small parameter values whose effects span its first-order effect."""
         raise NotImplementedError
 
     def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        """It with as much of each probe as a linear fit has found; None where physics forbids that."""
+        """Initialised from the amounts of its probes in a linear fit; None where those are unphysical."""
         raise NotImplementedError
 
     def native(self, circuit: Circuit) -> Circuit | None:
-        """``circuit`` with it in nodes, edges and sources; None where those cannot say it."""
+        """``circuit`` with it as nodes, edges and sources; None where those cannot express it."""
         return None
 
     def meaning(self, number: Number) -> str:
-        """What one of its numbers is, in words."""
+        """Description of one of its parameters."""
         return number.name.replace("_", " ")
 
     def stated(self, value: float) -> float:
-        """One of its numbers as people state it."""
+        """One of its parameters as it is reported."""
         return value
 
     def product(self) -> tuple[str, str, tuple[int, int]] | None:
-        """What two of its numbers, both logarithmic, make together, its unit, and which they are: that is its size."""
+        """Name, unit and factors of a product of two logarithmic parameters that is its magnitude, if any."""
         return None
 
     def sentence_tail(self) -> str:
@@ -178,12 +181,12 @@ class Mechanism:
         return ""
 
     def with_values(self, values: Sequence[float]) -> Mechanism:
-        """It with other numbers."""
+        """It with other parameter values."""
         numbers = tuple(replace(each, value=float(value)) for each, value in zip(self.numbers, values))
         return replace(self, numbers=numbers)
 
     def at_places(self, kept: Sequence[int]) -> Mechanism:
-        """It at some of its places only, each of which has as many numbers of its own."""
+        """It at some of its places only; each place has the same number of parameters."""
         count = len(self.numbers) // len(self.places)
         numbers = [number for each in kept for number in self.numbers[count * each : count * (each + 1)]]
         return replace(self, places=tuple(self.places[each] for each in kept), numbers=tuple(numbers))
@@ -204,7 +207,7 @@ class Mechanism:
 
 
 def samples_of(record: Record) -> Samples:
-    """What expressions of a record are evaluated on."""
+    """Samples of a record on which expressions are evaluated."""
     return Samples(record.signals, record.period_s)
 
 
@@ -267,7 +270,7 @@ class GreyBox:
         return replace(self, own=numbers[: len(self.own)], mechanisms=tuple(mechanisms))
 
     def span(self, index: int) -> slice:
-        """Where the numbers of one of its mechanisms stand among all."""
+        """Slice of one mechanism's parameters among all."""
         first = len(self.own) + sum(len(each.numbers) for each in self.mechanisms[:index])
         return slice(first, first + len(self.mechanisms[index].numbers))
 
@@ -280,11 +283,11 @@ class GreyBox:
         return replace(self, mechanisms=self.mechanisms[:index] + self.mechanisms[index + 1 :])
 
     def carries(self, index: int) -> bool:
-        """Whether one of its mechanisms made a body on which another one acts."""
+        """Whether another mechanism acts on a node added by one of its mechanisms."""
         return bool(self.carried(index))
 
     def carried(self, index: int) -> list[Mechanism]:
-        """What acts on the bodies that one of its mechanisms made."""
+        """Mechanisms that act on nodes added by one of its mechanisms."""
         own, mechanism = {node.name for node in self.circuit.states}, self.mechanisms[index]
         bodies = tuple(f"{place}_mass" for place in mechanism.places) if mechanism.adds_nodes else ()
         return [each for each in self.mechanisms if any(at.startswith(bodies) for at in {*each.places} - own)]

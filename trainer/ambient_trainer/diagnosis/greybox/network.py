@@ -1,4 +1,4 @@
-"""Thermal networks, many at once: P lanes of one topology with their own parameters, simulated together.
+"""Simulation of thermal networks, P lanes at once: one topology, each lane with its own parameters.
 
 Node i of a lane balances
 
@@ -19,21 +19,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.greybox.recursion import Terms, answered, filtered, heat_along
+from ambient_trainer.diagnosis.greybox.recursion import Terms, filtered, heat_along_trajectory, nonlinear_response
 from ambient_trainer.diagnosis.record import averaged
 from ambient_trainer.lti.lag import lag_weights
 
 Reading = Callable[[Array], None]
-"""Changes what the sensors read (P, s, N) in place."""
+"""Modifies the sensors' readings (P, s, N) in place."""
 
 ABSURD_DEGC = 1e4
 _UNWARNED = np.errstate(all="ignore")
-"""A lane that runs away is not finite."""
+"""An unstable lane is not finite."""
 
 
 @dataclass
 class Network:
-    """P lanes on N steps of ``period_s``, ``every`` of them to a reading; what a mechanism adds, it adds in place."""
+    """P lanes on N steps of ``period_s``, ``every`` of them to a reading; mechanisms add to it in place."""
 
     time_s: Array
     period_s: float
@@ -46,19 +46,19 @@ class Network:
     reads: NDArray[np.intp]
     sensors: tuple[str, ...]
     heat: list[tuple[int, Array, Array]] = field(default_factory=list)
-    """Into a node, so much in each lane (P,) of what drives it (N,)."""
+    """Heat inputs: node, amplitude in each lane (P,), and the driver (N,)."""
     flows: list[tuple[Any, Array]] = field(default_factory=list)
-    """Heat that has another course in each lane: nodes (k,), W (P, k, N)."""
+    """Heat inputs that differ in each lane over time: nodes (k,), W (P, k, N)."""
     loss: Array = field(default_factory=lambda: np.zeros(0))
-    """To each boundary as the circuit has it (P, n, b)."""
-    bent: dict[tuple[int, int], Array] = field(default_factory=dict)
-    """What a node's conductance to a boundary is more than ``to_boundary`` from time to time, (P, N)."""
+    """The circuit's own conductance to each boundary (P, n, b)."""
+    varying_loss: dict[tuple[int, int], Array] = field(default_factory=dict)
+    """Time-varying part of a node's conductance to a boundary, in addition to ``to_boundary``, (P, N)."""
     varying: list[tuple[NDArray[np.intp], Array, Array]] = field(default_factory=list)
-    """Conductances that vary: nodes (k,), W/K (P, k, N), and the temperature on the other side (broadcast to that)."""
+    """Time-varying conductances: nodes (k,), W/K (P, k, N), and the temperature on the other side (broadcast)."""
     pairs: list[tuple[int, int, Array]] = field(default_factory=list)
-    """Conductances between two nodes that vary, (P, N)."""
+    """Time-varying conductances between two nodes, (P, N)."""
     shares: list[tuple[NDArray[np.intp], int, Array]] = field(default_factory=list)
-    """What changes losses: nodes (k,), a boundary, and by what share (P, k, N)."""
+    """Relative changes of losses: nodes (k,), a boundary, and the share (P, k, N)."""
     powers: list[tuple[int, int, Array]] = field(default_factory=list)
     """Losses G |d/d0|^p d instead of G d: node, boundary, and d0 in K and p (2, P). What covers a node lowers that,
     what blows on it adds a loss that is in proportion."""
@@ -79,7 +79,7 @@ class Network:
         return bool(self.varying or self.pairs or self.powers or self.phases)
 
     def copied(self) -> Network:
-        """Another one to add to."""
+        """A copy to which mechanisms can be added."""
         given = {each.name: getattr(self, each.name) for each in fields(self)}
         copied = list | dict | np.ndarray
         own: dict[str, Any] = {name: row.copy() for name, row in given.items() if isinstance(row, copied)}
@@ -128,19 +128,19 @@ class Network:
 
     @_UNWARNED
     def simulate(self, start_degC: Array) -> Array:
-        """What the sensors read, (P, s, N / every), from ``start_degC`` (P, n); lanes that run away are not finite."""
+        """Sensor readings (P, s, N / every) from ``start_degC`` (P, n); unstable lanes are not finite."""
         out, modes = self._modes(start_degC)
         return self._sensed(out[:, self.reads] @ modes)
 
     @_UNWARNED
     def nodes_degC(self, start_degC: Array) -> Array:
-        """All nodes, (P, n, N)."""
+        """Temperatures of all nodes, (P, n, N)."""
         out, modes = self._modes(start_degC)
         return np.asarray(out @ modes)
 
     @_UNWARNED
     def read(self, nodes_degC: Array) -> Array:
-        """What the sensors make of all nodes (P, n, N), (P, s, N / every): means over the steps of a reading."""
+        """Sensor readings (P, s, N / every) of node temperatures (P, n, N): means over the steps of a reading."""
         return self._sensed(nodes_degC[:, self.reads])
 
     def _sensed(self, read: Array) -> Array:
@@ -156,14 +156,14 @@ class Network:
         """Shares (P, k, N) more of what ``nodes`` lose to a boundary as it stands."""
         self.shares.append((nodes, boundary, share))
         for node, more in zip(nodes.tolist(), np.moveaxis(share, 1, 0)):
-            row = self.bent.get((node, boundary), np.zeros((self.lanes, 1)))
+            row = self.varying_loss.get((node, boundary), np.zeros((self.lanes, 1)))
             more = more * (self.to_boundary[:, node, boundary, None] + row)
             mean = more.mean(axis=1)
             self.to_boundary[:, node, boundary] += mean
             more -= mean[:, None]
             # a mean is rounded in each lane by itself
             if np.ptp(more, axis=1).any():
-                self.bent[node, boundary] = row + more
+                self.varying_loss[node, boundary] = row + more
                 self.vary([node], more[:, None], self.boundary_degC[boundary])
 
     def _active(self) -> NDArray[np.intp]:
@@ -173,7 +173,7 @@ class Network:
         return np.unique(np.array([*varying, *joined, *(node for node, _, _ in self.powers)], dtype=np.intp))
 
     def _terms(self, active: NDArray[np.intp]) -> Terms:
-        """All that follows from the temperatures of ``active`` nodes."""
+        """All heat that depends on the temperatures of ``active`` nodes."""
         lanes, samples = self.lanes, len(self.time_s)
         known, fall = np.zeros((2, lanes, len(active), samples))
         for nodes, conductance, degC in self.varying:
@@ -198,16 +198,16 @@ class Network:
                     row *= 1.0 + lower
         return Terms(known, fall, pair_nodes, pair_G, power_node, air_degC, power_G, power, phase_nodes, phase)
 
-    def frozen(self, nodes_degC: Array) -> None:
-        """Take all terms as they are along ``nodes_degC`` (n, N), the first nodes of this network: known heat."""
+    def linearise_along(self, nodes_degC: Array) -> None:
+        """Linearise along ``nodes_degC`` (n, N), the first nodes of this network: known heat."""
         active = self._active()
         along = [nodes_degC[each] if each < len(nodes_degC) else nodes_degC.mean(axis=0) for each in active]
         if along:
-            self.flows.append((active, heat_along(np.array(along), self._terms(active))))
+            self.flows.append((active, heat_along_trajectory(np.array(along), self._terms(active))))
         self.varying, self.pairs, self.powers, self.phases = [], [], [], []
 
     def _modes(self, start_degC: Array) -> tuple[Array, Array]:
-        """What nodes make of modes (P, n, n), and these (P, n, N)."""
+        """Output matrix from modes to nodes (P, n, n), and the modes (P, n, N)."""
         root = np.sqrt(self.capacitance)
         loss = self.between.sum(axis=2) + self.to_boundary.sum(axis=2)
         coupled = self.between / (root[:, :, None] * root[:, None, :])
@@ -223,11 +223,11 @@ class Network:
         if self.nonlinear:
             active = self._active()
             out_k, into_k = np.ascontiguousarray(out[:, active]), np.ascontiguousarray(into[:, :, active])
-            modes += answered(out_k @ modes, kept, before, now, into_k, out_k, self._terms(active))
+            modes += nonlinear_response(out_k @ modes, kept, before, now, into_k, out_k, self._terms(active))
         return out, modes
 
     def _drive(self, into: Array) -> Array:
-        """What comes into modes that take so much of each node's heat (P, n, n): (P, n, N)."""
+        """Input to the modes (P, n, N), given the matrix from node heat to modes (P, n, n)."""
         heated = [node for node, _, _ in self.heat]
         amounts = np.column_stack([np.zeros((self.lanes, 0)), *(amount for _, amount, _ in self.heat)])
         weights = np.concatenate([into @ self.to_boundary, into[:, :, heated] * amounts[:, None, :]], axis=2)

@@ -1,4 +1,4 @@
-"""Recursions from sample to sample, compiled: modes of linear networks, and what nonlinear heat adds to them.
+"""Compiled recursions over samples: modes of linear networks, and their response to nonlinear heat.
 
 Shapes: P lanes, n modes, N samples, k active nodes, m pairs of them, q losses by a power, r changes of phase.
 """
@@ -68,8 +68,8 @@ def filtered(drive, kept, before, now, first):  # type: ignore[no-untyped-def]
 
 
 @_compiled
-def answered(along, kept, before, now, into, out, terms):  # type: ignore[no-untyped-def]
-    """What the terms add to the modes (P, n, N), beside active nodes at ``along`` (P, k, N) without them.
+def nonlinear_response(along, kept, before, now, into, out, terms):  # type: ignore[no-untyped-def]
+    """Response of the modes (P, n, N) to nonlinear terms; ``along`` (P, k, N) are the active nodes without them.
 
     Exponential Runge-Kutta of order 2: predicted with the heat of the sample before, corrected with what follows.
     ``into`` (P, n, k) takes heat to modes, ``out`` (P, k, n) modes to nodes. All is one loop: a call that is given the
@@ -125,12 +125,12 @@ def answered(along, kept, before, now, into, out, terms):  # type: ignore[no-unt
     return modes
 
 
-def heat_along(degC: Array, terms: Terms) -> Array:
-    """The heat (P, k, N) of all lanes along temperatures (k, N): each a mode of its own that answers at once."""
+def heat_along_trajectory(degC: Array, terms: Terms) -> Array:
+    """Heat (P, k, N) of all lanes along temperatures (k, N): each node is a mode that responds at once."""
     lanes, nodes, samples = terms.known.shape
     along = np.repeat(degC[None], lanes, axis=0)
     at_once, never, itself = np.ones((lanes, nodes)), np.zeros((lanes, nodes)), np.tile(np.eye(nodes), (lanes, 1, 1))
-    result = answered(along, never, never, at_once, itself, np.zeros_like(itself), terms)
+    result = nonlinear_response(along, never, never, at_once, itself, np.zeros_like(itself), terms)
     # modes begin at nothing, whatever the first sample's heat
     result[:, :, 0] = result[:, :, min(1, samples - 1)]
     return np.asarray(result)

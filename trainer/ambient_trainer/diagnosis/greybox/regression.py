@@ -1,4 +1,4 @@
-"""Fitting a grey-box model: nonlinear least squares of simulated runs (output error), and what a held-out block says.
+"""Output-error estimation of a grey-box model: nonlinear least squares of simulated runs, and cross-validation.
 
 The start of every run is eliminated (Schur complement) with its prior, the first readings. Steps are Levenberg and
 Marquardt's; several dampings are tried at once, as lanes of one simulation.
@@ -20,14 +20,14 @@ from ambient_trainer.diagnosis.greybox.network import ABSURD_DEGC
 from ambient_trainer.diagnosis.record import Record
 
 BLOCKS, FOLDS = 15, 5
-LEFT_OUT, EACH = ((1, 1), (2, 2), (3, 3), (3, 4), (4, 4)), tuple((each, each) for each in range(5))
+LEFT_OUT, EACH_FOLD = ((1, 1), (2, 2), (3, 3), (3, 4), (4, 4)), tuple((each, each) for each in range(5))
 """Blocks show the scatter; folds of several are left out together, so that their ends are foretold, not bridged."""
-_REFIT, _STRETCHES = 6, 60
+_REFIT_STEPS, _STRETCHES = 6, 60
 _MOST_MOVE = 1.5
 """Of a coordinate, when a fold is left out: further away the straight line is none."""
 _STEP, _TINY = 1e-4, 1e-100
 _START_SD_DEGC, _HIDDEN_SD_DEGC = 0.3, 4.0
-_INDEPENDENT, _HELD, _NEAR_SD = 50.0, 20.0, 0.15
+_INDEPENDENT, _PRIOR_WEIGHT, _NEAR_SD = 50.0, 20.0, 0.15
 """Readings that are worth as much as a whole log of correlated residuals, beside a prior."""
 _DAMPINGS = 10.0 ** np.array([-6.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0])
 _MOST_STEP = 2.0
@@ -37,7 +37,7 @@ _LARGE, _CACHED = 1_000_000, 200_000
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of a model's first k numbers: coordinates z (k,), and their precision (k, k)."""
+    """Gaussian prior of a model's first k parameters: mean z (k,) and precision (k, k)."""
 
     z: Array
     precision: Array
@@ -49,14 +49,14 @@ class Prior:
 
     @staticmethod
     def trained(fitted: Fitted) -> Prior:
-        """By the readings of a fit, which count ``_HELD`` times as much as those of a later one.
+        """By the readings of a fit, which count ``_PRIOR_WEIGHT`` times as much as those of a later one.
 
         What has changed since is not taken up by numbers that they determine; others stay near, where slopes are
         straight lines.
         """
         J, r = fitted.slopes, fitted.residual
         known = fitted.prior.extended(fitted.model).precision + np.diag([_NEAR_SD**-2] * J.shape[1])
-        return Prior(fitted.model.z(), np.asarray(_HELD * _INDEPENDENT / float(r @ r) * (J.T @ J) + known))
+        return Prior(fitted.model.z(), np.asarray(_PRIOR_WEIGHT * _INDEPENDENT / float(r @ r) * (J.T @ J) + known))
 
     def extended(self, model: GreyBox) -> Prior:
         """The same for all numbers of ``model``, of which the first are these."""
@@ -69,8 +69,8 @@ class Prior:
 
 
 @dataclass(frozen=True)
-class Run:
-    """One record with the model's simulation of it: residual (M,), its slopes (M, p), and the block of each sample."""
+class Linearised:
+    """A record's simulation linearised in the parameters: residual (M,), Jacobian (M, p), and those of the start."""
 
     residual: Array
     slopes: Array
@@ -85,7 +85,7 @@ class Run:
         does beside so many independent ones."""
         return self.start_weight * max(float(self.residual @ self.residual) / _INDEPENDENT, 1.0)
 
-    def seen(self, record: Record, without: Record) -> Run:
+    def restricted_to(self, record: Record, without: Record) -> Linearised:
         """The same beside the readings alone that ``without`` has of those of its record."""
         own = np.isfinite(without.sensors).ravel()[record.valid]
         return replace(self, residual=self.residual[own], slopes=self.slopes[own], start_slopes=self.start_slopes[own])
@@ -97,7 +97,7 @@ class Fitted:
 
     model: GreyBox
     records: Sequence[Record]
-    runs: tuple[Run, ...]
+    runs: tuple[Linearised, ...]
     blocks: tuple[Array, ...]
     prior: Prior
     """Of the numbers that the circuit had before any mechanism was added."""
@@ -131,8 +131,8 @@ class Fitted:
         """What slopes span, (M, p)."""
         return np.linalg.qr(self.slopes)[0] if self.slopes.size else np.zeros((len(self.residual), 0))
 
-    def beside(self, columns: Array) -> Array:
-        """Columns (M, ...) without what the model's own numbers can do."""
+    def project_out(self, columns: Array) -> Array:
+        """Columns (M, ...) projected onto the orthogonal complement of the model's Jacobian."""
         return np.asarray(columns - self._basis @ (self._basis.T @ columns))
 
     @cached_property
@@ -162,14 +162,14 @@ class Fitted:
         return float(np.sqrt(np.mean(self.residual**2)))
 
     @property
-    def by_fold(self) -> Parts:
+    def by_fold(self) -> FoldData:
         """The readings of each fold."""
-        return Parts.of(self.slopes, self.residual, self.fold)
+        return FoldData.of(self.slopes, self.residual, self.fold)
 
     @property
-    def by_comb(self) -> Parts:
-        """The readings of many short stretches by turns: what acts for a while is seen on both sides of each."""
-        return Parts.of(self.slopes, self.residual, self.stretch % FOLDS)
+    def by_stretches(self) -> FoldData:
+        """The data in interleaved short stretches: a temporary effect is seen on both sides of each."""
+        return FoldData.of(self.slopes, self.residual, self.stretch % FOLDS)
 
     @cached_property
     def held_out(self) -> Array:
@@ -179,9 +179,9 @@ class Fitted:
         return self.by_fold.normal.held_out(self.ridge)
 
     @cached_property
-    def combed(self) -> Array:
-        """As :attr:`held_out`, but of the stretches of :attr:`by_comb`, (F,)."""
-        return self.by_comb.normal.held_out(self.ridge, EACH)
+    def held_out_stretches(self) -> Array:
+        """As :attr:`held_out`, but by cross-validation over the interleaved stretches of :attr:`by_stretches`, (F,)."""
+        return self.by_stretches.normal.held_out(self.ridge, EACH_FOLD)
 
     def refitted(self, most_degC: float = np.inf) -> Fitted:
         """The same with :attr:`held_out` by a fit without each fold, not to first order; no end of it where it leaves
@@ -197,10 +197,10 @@ class Fitted:
                 replace(record, sensors=_masked(record, blocks * FOLDS // BLOCKS, first, last))
                 for record, blocks in zip(self.records, self.blocks)
             ]
-            seen = [run.seen(*each) for run, *each in zip(self.runs, self.records, without)]
-            other = _descended(self.model, without, seen, _REFIT, 1e-2, prior)
+            seen = [run.restricted_to(*each) for run, *each in zip(self.runs, self.records, without)]
+            other = _minimised(self.model, without, seen, _REFIT_STEPS, 1e-2, prior)
             if other is not None:
-                squares.append(sum(_left_out(other, *each) for each in zip(self.records, other.runs, without)))
+                squares.append(sum(_left_out_squares(other, *each) for each in zip(self.records, other.runs, without)))
             if other is None or sum(squares) > most:
                 return replace(self, validated=np.full(len(LEFT_OUT) + 1, np.inf))
         return replace(self, validated=np.array(squares))
@@ -218,7 +218,8 @@ class Fitted:
     def by_stretches_degC(self, before: Fitted) -> float:
         """What is left of held-out data by short stretches, beside what ``before`` leaves of it: of a window that is
         left out whole nothing is known."""
-        return before.held_out_rmse_degC * float(np.sqrt(self.combed.sum() / before.combed.sum()))
+        ratio = self.held_out_stretches.sum() / before.held_out_stretches.sum()
+        return before.held_out_rmse_degC * float(np.sqrt(ratio))
 
     @cached_property
     def covariance(self) -> Array:
@@ -231,36 +232,36 @@ class Fitted:
 
 
 @dataclass(frozen=True)
-class Normal:
-    """The normal equations of each fold: J'J (F, p, p), J'r (F, p) and r'r (F,)."""
+class FoldEquations:
+    """Normal equations of each fold: J'J (F, p, p), J'r (F, p) and r'r (F,)."""
 
     H: Array
     g: Array
     square: Array
 
     @staticmethod
-    def of(parts: Iterable[tuple[Array, Array]]) -> Normal:
+    def of(parts: Iterable[tuple[Array, Array]]) -> FoldEquations:
         """Of the slopes J (m, p) and what is left r (m,) in each fold."""
         parts = list(parts)
-        return Normal(
+        return FoldEquations(
             np.array([rows.T @ rows for rows, _ in parts]),
             np.array([rows.T @ left for rows, left in parts]),
             np.array([left @ left for _, left in parts]),
         )
 
-    def beside(self, across: Array, alone: Array, towards: Array) -> Normal:
+    def with_columns(self, across: Array, alone: Array, towards: Array) -> FoldEquations:
         """With k further columns S: J'S (F, p, k), S'S (F, k, k) and S'r (F, k)."""
         H = np.block([[self.H, across], [across.transpose(0, 2, 1), alone]])
-        return Normal(H, np.concatenate([self.g, towards], axis=1), self.square)
+        return FoldEquations(H, np.concatenate([self.g, towards], axis=1), self.square)
 
-    def moved(self, by: Array) -> Normal:
+    def moved(self, by: Array) -> FoldEquations:
         """The same where a step ``by`` (p,) has been taken."""
         square = self.square - 2 * self.g @ by + np.einsum("p,fpq,q->f", by, self.H, by)
-        return Normal(self.H, self.g - self.H @ by, square)
+        return FoldEquations(self.H, self.g - self.H @ by, square)
 
-    def scaled(self, scale: Array) -> Normal:
+    def scaled(self, scale: Array) -> FoldEquations:
         """In coordinates of which ``scale`` (p,) of the old ones make one."""
-        return Normal(self.H * np.outer(scale, scale), self.g * scale, self.square)
+        return FoldEquations(self.H * np.outer(scale, scale), self.g * scale, self.square)
 
     def held_out(self, ridge: Array, left_out: Sequence[tuple[int, int]] = LEFT_OUT) -> Array:
         """Squares of what is left out, under the least squares of the rest: r_f + J_f (J'J - J_f'J_f)^-1 J_f' r_f.
@@ -269,7 +270,7 @@ class Normal:
         the fit, and counts as it is: how a run begins is seen nowhere else. Short stretches are left out each.
         """
         whole = self.H.sum(axis=0) + ridge
-        result = [] if left_out is EACH else [float(max(self.square[0], 0.0))]
+        result = [] if left_out is EACH_FOLD else [float(max(self.square[0], 0.0))]
         for first, last in left_out:
             here = slice(first, last + 1)
             H, g = self.H[here].sum(axis=0), self.g[here].sum(axis=0)
@@ -280,28 +281,28 @@ class Normal:
 
 
 @dataclass(frozen=True)
-class Parts:
-    """Readings by fold: which are a fold's own, their slopes, and what is left of them."""
+class FoldData:
+    """Data by fold: row indices, Jacobian and residual of each."""
 
     rows: tuple[NDArray[np.intp], ...]
     slopes: tuple[Array, ...]
     left: tuple[Array, ...]
 
     @staticmethod
-    def of(J: Array, r: Array, fold: Array) -> Parts:
+    def of(J: Array, r: Array, fold: Array) -> FoldData:
         """Of slopes J (M, p) and what is left r (M,), by the fold of each."""
         rows = tuple(np.flatnonzero(fold == each) for each in range(FOLDS))
-        return Parts(rows, tuple(J[each] for each in rows), tuple(r[each] for each in rows))
+        return FoldData(rows, tuple(J[each] for each in rows), tuple(r[each] for each in rows))
 
     @cached_property
-    def normal(self) -> Normal:
+    def normal(self) -> FoldEquations:
         """Their normal equations."""
-        return Normal.of(zip(self.slopes, self.left))
+        return FoldEquations.of(zip(self.slopes, self.left))
 
-    def beside(self, S: Array) -> Normal:
+    def with_columns(self, S: Array) -> FoldEquations:
         """The normal equations with further columns S (M, k)."""
         parts = [S[each] for each in self.rows]
-        return self.normal.beside(
+        return self.normal.with_columns(
             np.array([J.T @ s for J, s in zip(self.slopes, parts)]),
             np.array([s.T @ s for s in parts]),
             np.array([s.T @ r for s, r in zip(parts, self.left)]),
@@ -319,7 +320,7 @@ def _masked(record: Record, folds: Array, first: int, last: int) -> Array:
     return sensors
 
 
-def _left_out(fitted: Fitted, record: Record, run: Run, without: Record) -> float:
+def _left_out_squares(fitted: Fitted, record: Record, run: Linearised, without: Record) -> float:
     """The squares of readings that the fit has not seen."""
     unseen = np.isfinite(record.sensors) & ~np.isfinite(without.sensors)
     read = simulate(fitted.model, record, fitted.model.z()[None], run.start[None])[0]
@@ -338,7 +339,7 @@ def left_out_count(fold: Array) -> int:
     return int((fold == 0).sum() + sum(((fold >= first) & (fold <= last)).sum() for first, last in LEFT_OUT))
 
 
-def _profiled(run: Run, columns: Array) -> Array:
+def _profiled(run: Linearised, columns: Array) -> Array:
     """``columns`` (M, c) less what moving starts takes of them."""
     S = run.start_slopes
     system = S.T @ S + np.diag(run.start_prior)
@@ -383,8 +384,8 @@ def block_of(records: Sequence[Record]) -> tuple[Array, ...]:
 
 
 def linearised(
-    model: GreyBox, record: Record, start: Array | None, moved: int | None = None, like: Run | None = None
-) -> Run:
+    model: GreyBox, record: Record, start: Array | None, moved: int | None = None, like: Linearised | None = None
+) -> Linearised:
     """The run of ``model`` on ``record``, with slopes by forward differences, all in one simulation.
 
     Slopes are those of the first ``moved`` coordinates, by default of all; ``like`` is a run of the same nodes.
@@ -399,7 +400,7 @@ def linearised(
     starts[1 + p + np.arange(n), np.arange(n)] += 1.0
     left = _residual(simulate(model, record, lanes, starts), record)
     slopes = (left[0] - left[1 : 1 + p]).T / _STEP
-    return Run(left[0], _flushed(slopes), start, _flushed((left[0] - left[1 + p :]).T), weight, expected)
+    return Linearised(left[0], _flushed(slopes), start, _flushed((left[0] - left[1 + p :]).T), weight, expected)
 
 
 def _flushed(slopes: Array) -> Array:
@@ -436,19 +437,19 @@ def fit(
 ) -> Fitted | None:
     """The least squares of ``model`` near where it stands; None where it cannot be simulated there."""
     runs = [linearised(model, record, start) for record, start in zip(records, starts or [None] * len(records))]
-    return _descended(model, records, runs, most, tolerance, Prior.of(model) if prior is None else prior)
+    return _minimised(model, records, runs, most, tolerance, Prior.of(model) if prior is None else prior)
 
 
-def _descended(
-    model: GreyBox, records: Sequence[Record], runs: Sequence[Run], most: int, tolerance: float, base: Prior
+def _minimised(
+    model: GreyBox, records: Sequence[Record], runs: Sequence[Linearised], most: int, tolerance: float, base: Prior
 ) -> Fitted | None:
-    """As :func:`fit`, where the runs of the model are known."""
+    """As :func:`fit`, from known linearisations of the model: Levenberg-Marquardt."""
     z, prior = model.z(), base.extended(model)
     low, high = (np.array(each) for each in zip(*(number.range_z for number in model.numbers))) if len(z) else (z, z)
     if not all(np.isfinite(run.residual).all() for run in runs) or not _finite(runs):
         return None
     for _ in range(most):
-        best = _step(model, records, runs, z, prior, (low, high))
+        best = _damped_step(model, records, runs, z, prior, (low, high))
         if best is None:
             break
         moved = model.at(best.z)
@@ -466,28 +467,33 @@ def fit_near(near: Fitted, model: GreyBox, most: int = 30, tolerance: float = 1e
     return fit(model, near.records, [run.start for run in near.runs], most, tolerance, near.prior)
 
 
-def _finite(runs: Sequence[Run]) -> bool:
+def _finite(runs: Sequence[Linearised]) -> bool:
     return all(np.isfinite(run.slopes).all() and np.isfinite(run.start_slopes).all() for run in runs)
 
 
-def _prior_weight(prior: Prior, runs: Sequence[Run]) -> Array:
+def _prior_weight(prior: Prior, runs: Sequence[Linearised]) -> Array:
     """The weight of the prior, (p, p), beside readings that are worth ``_INDEPENDENT`` independent ones."""
     total = sum(float(run.residual @ run.residual) for run in runs)
     return np.asarray(total / _INDEPENDENT * prior.precision + 1e-12 * np.eye(len(prior.z)))
 
 
 @dataclass(frozen=True)
-class _Step:
-    """Where a step ends, and the share of the cost that it gains."""
+class _DampedStep:
+    """Where a damped Gauss-Newton step ends, and by what share it lowers the cost."""
 
     z: Array
     starts: list[Array]
     gained: float
 
 
-def _step(
-    model: GreyBox, records: Sequence[Record], runs: Sequence[Run], z: Array, prior: Prior, bounds: tuple[Array, Array]
-) -> _Step | None:
+def _damped_step(
+    model: GreyBox,
+    records: Sequence[Record],
+    runs: Sequence[Linearised],
+    z: Array,
+    prior: Prior,
+    bounds: tuple[Array, Array],
+) -> _DampedStep | None:
     p = len(z)
     H, g = np.zeros((p, p)), np.zeros(p)
     back = []
@@ -523,4 +529,4 @@ def _step(
     best = int(np.argmin(total))
     if not best or not np.isfinite(total[0]):
         return None
-    return _Step(zs[best], [each[best] for each in starts], float(1.0 - total[best] / total[0]))
+    return _DampedStep(zs[best], [each[best] for each in starts], float(1.0 - total[best] / total[0]))

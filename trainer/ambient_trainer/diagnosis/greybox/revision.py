@@ -1,5 +1,4 @@
-"""Earlier steps are revised by later ones: what did nearly as well may do better beside what was found since, and what
-is needless beside it goes."""
+"""Revision of earlier steps after later ones: close rivals are tried again, and needless mechanisms are dropped."""
 
 from __future__ import annotations
 
@@ -9,68 +8,68 @@ from dataclasses import replace
 import numpy as np
 
 from ambient_trainer.diagnosis.greybox.backward import score
-from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step, worse_physics
+from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, SelectionStep, fault_margin
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
-from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, assumed, complexity, identified, penalised
-from ambient_trainer.diagnosis.greybox.windows import sharpened
+from ambient_trainer.diagnosis.greybox.windows import refine_timing
 
 _NEAR, _RIVALS, _ELSEWHERE = 0.15, 3, 2
-"""Of the penalised logarithm of the error: a rival that is nearer is tried again; so many at most, and other places."""
+"""Penalised log error within which a rival is tried again; maximum number of rivals, and of other places."""
 
 
-def revised(
-    steps: Sequence[Step], fitted: Fitted, given: int, rivals: Callable[[Step], Iterator[Trial]]
-) -> tuple[list[Step], Fitted] | None:
+def revise(
+    steps: Sequence[SelectionStep], fitted: Fitted, given: int, rivals: Callable[[SelectionStep], Iterator[Trial]]
+) -> tuple[list[SelectionStep], Fitted] | None:
     """The steps with one of its ``rivals`` in the place of what was chosen, and the model with it; None where none does
     better.
 
     The first ``given`` mechanisms are the circuit's own.
     """
     for at, step in enumerate(steps):
-        index = _held_at(step, fitted, given)
+        index = _index_in_model(step, fitted, given)
         if step.chosen is None or index is None:
             continue
-        fits = ((each, _instead(fitted, index, each)) for each in rivals(step))
+        fits = ((each, _fit_with_rival(fitted, index, each)) for each in rivals(step))
         tried = {id(each): other for each, other in fits if other is not None}
         mine = fitted.model.mechanisms[index]
         better = [each for each in step.trials if id(each) in tried and _gains(fitted, mine, tried[id(each)], each)]
         if not better:
             continue
         rival = min(better, key=lambda each: score(tried[id(each)]))
-        return [*steps[:at], _otherwise(step, rival, fitted, tried), *steps[at + 1 :]], tried[id(rival)]
+        return [*steps[:at], _swap_chosen(step, rival, fitted, tried), *steps[at + 1 :]], tried[id(rival)]
     return None
 
 
-def _held_at(step: Step, fitted: Fitted, given: int) -> int | None:
+def _index_in_model(step: SelectionStep, fitted: Fitted, given: int) -> int | None:
     """Where a model holds what a step has chosen, perhaps at fewer places; None where it does not, or builds on it."""
     held = (each for each in range(given, len(fitted.model.mechanisms)) if not fitted.model.carries(each))
     mechanisms = fitted.model.mechanisms
-    return next((each for each in held if step.chosen and is_chosen(mechanisms[each], step.chosen.mechanism)), None)
+    return next((each for each in held if step.chosen and is_same(mechanisms[each], step.chosen.mechanism)), None)
 
 
-def is_chosen(final: Mechanism, chosen: Mechanism) -> bool:
+def is_same(final: Mechanism, chosen: Mechanism) -> bool:
     """Whether a mechanism is one that was chosen, perhaps without places that were dropped since."""
     forms = [None if each.driver is None else each.driver.form for each in (final, chosen)]
     alike = final.cause == chosen.cause and forms[0] == forms[1] and set(final.places) <= set(chosen.places)
-    return alike and final.lasts == chosen.lasts and final.meets(chosen)
+    return alike and final.permanent == chosen.permanent and final.overlaps(chosen)
 
 
-def near(step: Step) -> Iterator[Trial]:
-    """The rivals of a step that do nearly as well, the best form of each.
+def close_rivals(step: SelectionStep) -> Iterator[Trial]:
+    """Rivals of a step with nearly the same score, the best form of each.
 
     What lasts, follows a log, or is physics stays before what acts for a while, follows none, or blames an instrument.
     What acts on a body stays out, since later steps may have changed or dropped that.
     """
     assert step.chosen is not None
-    bodies = set(Scene(step.before).hidden_nodes)
+    bodies = set(Context(step.before).hidden_nodes)
     mine, seen = step.chosen.mechanism, {step.chosen.mechanism.key}
     for each in sorted(step.trials, key=penalised):
         if len(seen) > _RIVALS or penalised(each) > penalised(step.chosen) + _NEAR:
             break
         its = each.mechanism
-        if its.lasts < mine.lasts or its.responds > mine.responds:
+        if its.permanent < mine.permanent or its.endogenous > mine.endogenous:
             continue
         if its.instrument > mine.instrument and not step.before.records[0].known_good:
             continue
@@ -81,17 +80,14 @@ def near(step: Step) -> Iterator[Trial]:
             yield each
 
 
-def elsewhere(step: Step) -> Iterator[Trial]:
-    """For what is at one place the same at others: what else was missing may have hidden where it is.
-
-    Bodies stay out, as of :func:`near`.
-    """
+def at_other_places(step: SelectionStep) -> Iterator[Trial]:
+    """The same mechanism at other places: another missing cause may have hidden where it acts; bodies stay out, too."""
     assert step.chosen is not None
-    bodies = set(Scene(step.before).hidden_nodes)
+    bodies = set(Context(step.before).hidden_nodes)
     mine, seen = step.chosen.mechanism, {step.chosen.mechanism.places}
     for each in sorted(step.trials, key=penalised):
         its = each.mechanism
-        alike = (its.cause, its.key[2], its.lasts) == (mine.cause, mine.key[2], mine.lasts)
+        alike = (its.cause, its.key[2], its.permanent) == (mine.cause, mine.key[2], mine.permanent)
         single = len(its.places) == len(mine.places) == 1
         single = single and not bodies & set(its.places)
         if alike and single and its.places not in seen and not each.at_bounds and len(seen) <= _ELSEWHERE:
@@ -99,36 +95,36 @@ def elsewhere(step: Step) -> Iterator[Trial]:
             yield each
 
 
-def _instead(fitted: Fitted, index: int, rival: Trial) -> Fitted | None:
-    """A fit with a rival in the place of one mechanism, and without windows that it makes needless."""
+def _fit_with_rival(fitted: Fitted, index: int, rival: Trial) -> Fitted | None:
+    """A fit with a rival in place of one mechanism, and without windows that become needless."""
     model = fitted.model.replaced(index, rival.fitted.model.mechanisms[-1])
     other = fit(model, fitted.records, tolerance=1e-3, prior=fitted.prior)
     # a cause that is right may spare windows that stood in for it
-    windows = sum(complexity(each) for each in fitted.model.mechanisms if not each.lasts)
+    windows = sum(complexity(each) for each in fitted.model.mechanisms if not each.permanent)
     if other is None or other.rmse_degC > fitted.rmse_degC * np.exp(LEAST_GAIN + PENALTY * windows):
         return None
-    other = other if rival.lasting else sharpened(other, index)
+    other = other if rival.permanent else refine_timing(other, index)
     if any(each.at_bound for each in other.model.mechanisms[index].numbers) or not identified(other, index):
         return None
-    return without_windows(other if fitted.validated is None else other.refitted(), index)
+    return drop_needless_windows(other if fitted.validated is None else other.refitted(), index)
 
 
 def _gains(fitted: Fitted, mine: Mechanism, other: Fitted, rival: Trial) -> bool:
-    """Whether a model with a rival in the place of one mechanism does better, by what both assume."""
-    lasting = mine.lasts and rival.lasting
-    before, after = (each.held_out.sum() if lasting else each.combed.sum() for each in (fitted, other))
+    """Whether a model with a rival in place of one mechanism has a better penalised held-out error."""
+    permanent = mine.permanent and rival.permanent
+    before, after = (each.held_out.sum() if permanent else each.held_out_stretches.sum() for each in (fitted, other))
     spares = len(other.model.mechanisms) < len(fitted.model.mechanisms)
     blamed = rival.mechanism.instrument > mine.instrument and not spares
-    least = np.log(worse_physics(fitted.records)) if blamed else LEAST_GAIN
+    least = np.log(fault_margin(fitted.records)) if blamed else LEAST_GAIN
     return bool(np.log(after / before) / 2 + PENALTY * (assumed(other.model) - assumed(fitted.model)) < -least)
 
 
-def _otherwise(step: Step, rival: Trial, fitted: Fitted, tried: dict[int, Fitted]) -> Step:
+def _swap_chosen(step: SelectionStep, rival: Trial, fitted: Fitted, tried: dict[int, Fitted]) -> SelectionStep:
     """The step with a rival chosen; what was tried again beside all others is as much worse as it is there."""
     assert step.chosen is not None
     rest = [each for each in step.trials if each is not rival]
     fits = {id(each): fitted for each in rest if each.mechanism.key == step.chosen.mechanism.key} | tried
-    left = {id(each): _left(fits[id(each)], each) for each in step.trials if id(each) in fits}
+    left = {id(each): _score_besides(fits[id(each)], each) for each in step.trials if id(each) in fits}
     best = left[id(rival)]
     worse = (
         replace(each, rmse_degC=rival.rmse_degC * float(np.exp(left[id(each)] - best))) if id(each) in left else each
@@ -137,59 +133,59 @@ def _otherwise(step: Step, rival: Trial, fitted: Fitted, tried: dict[int, Fitted
     return replace(step, chosen=rival, trials=(rival, *worse))
 
 
-def _left(fitted: Fitted, trial: Trial) -> float:
-    """What a model leaves in sample, and assumes besides a trial's own mechanism."""
+def _score_besides(fitted: Fitted, trial: Trial) -> float:
+    """Log in-sample error of a model, penalised for its complexity besides a trial's own mechanism."""
     return float(np.log(fitted.rmse_degC)) + PENALTY * (assumed(fitted.model) - complexity(trial.mechanism))
 
 
-def _without_a_place(mechanism: Mechanism) -> list[Mechanism]:
-    """A mechanism without each of its places, where each has numbers of its own."""
+def _drop_each_place(mechanism: Mechanism) -> list[Mechanism]:
+    """A mechanism with each of its places left out in turn, where each has its own parameters."""
     count = len(mechanism.places)
     if count < 2 or len(mechanism.numbers) % count:
         return []
     return [mechanism.at_places([each for each in range(count) if each != out]) for out in range(count)]
 
 
-def pruned(fitted: Fitted, given: int) -> Fitted:
+def prune(fitted: Fitted, given: int) -> Fitted:
     """The model without mechanisms, and places of heat, that later ones have made needless; the first ``given`` are the
     circuit's own."""
     model = fitted.model
     last = len(model.mechanisms) - 1
     for index, mechanism in list(enumerate(model.mechanisms))[given:]:
         # what acts for a while was gained on short stretches, and is judged by its folds: it has to be quite needless
-        spare = complexity(mechanism) if mechanism.lasts else 0.0
+        spare = complexity(mechanism) if mechanism.permanent else 0.0
         less = [] if model.carries(index) or index == last else [(model.without(index), spare)]
         if mechanism.cause == "heat_source":
-            fewer = _without_a_place(mechanism)
+            fewer = _drop_each_place(mechanism)
             less += [(model.replaced(index, each), spare - complexity(each)) for each in fewer]
         for each, spared in less:
-            without = _as_good(fitted, each, spared)
+            without = _fit_if_as_good(fitted, each, spared)
             if without is not None:
-                return pruned(without, given)
+                return prune(without, given)
     return fitted
 
 
-def without_windows(fitted: Fitted, kept: int) -> Fitted:
+def drop_needless_windows(fitted: Fitted, kept: int) -> Fitted:
     """The model without what acts for a while and is needless, but for the mechanism at ``kept``."""
     for index, mechanism in enumerate(fitted.model.mechanisms):
-        if mechanism.lasts or index == kept or fitted.model.carries(index):
+        if mechanism.permanent or index == kept or fitted.model.carries(index):
             continue
-        without = _as_good(fitted, fitted.model.without(index), 0.0)
+        without = _fit_if_as_good(fitted, fitted.model.without(index), 0.0)
         if without is not None:
-            return without_windows(without, kept - (index < kept))
+            return drop_needless_windows(without, kept - (index < kept))
     return fitted
 
 
-def _as_good(fitted: Fitted, less: GreyBox, spared: float) -> Fitted | None:
+def _fit_if_as_good(fitted: Fitted, less: GreyBox, spared: float) -> Fitted | None:
     """The fit of a model that assumes so much less, unless that is missed."""
     most = LEAST_GAIN / 2 + PENALTY * spared
-    without = beside(fitted, less, float(np.exp(most + LEAST_GAIN)) * fitted.rmse_degC)
+    without = refit_as(fitted, less, float(np.exp(most + LEAST_GAIN)) * fitted.rmse_degC)
     missed = without is None or np.log(without.held_out_rmse_degC / fitted.held_out_rmse_degC) > most
     return None if missed else without
 
 
-def beside(fitted: Fitted, model: GreyBox, most_degC: float = np.inf) -> Fitted | None:
-    """Another model on the records of a fit, by the same measure; None where it leaves more than ``most_degC``."""
+def refit_as(fitted: Fitted, model: GreyBox, most_degC: float = np.inf) -> Fitted | None:
+    """Fit another model to the same records with the same validation; None where it leaves more than ``most_degC``."""
     other = fit(model, fitted.records, [None for _ in fitted.runs], tolerance=1e-3, prior=fitted.prior)
     if other is None or other.rmse_degC > most_degC:
         return None

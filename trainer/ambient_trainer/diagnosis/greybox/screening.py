@@ -1,4 +1,4 @@
-"""Which mechanisms are worth a fit: candidates of every kind, and what each would leave, by a score test.
+"""Screening of candidate mechanisms by a score test of what each would leave on held-out data.
 
 The score test takes each candidate's first-order effect on the *simulated* sensors, projects out what the model's own
 numbers could do as well, and solves for its amount (Rao 1948). Measured temperatures are never regressors.
@@ -12,10 +12,10 @@ from scipy.linalg import block_diag
 
 from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.regression import EACH, LEFT_OUT, Fitted, Parts
-from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.regression import EACH_FOLD, LEFT_OUT, Fitted, FoldData
 from ambient_trainer.diagnosis.greybox.windows import Columns, best_windows
 from ambient_trainer.diagnosis.record import Record
 
@@ -23,7 +23,7 @@ _MECHANISMS = f"{__package__}.mechanisms"
 _SHORTLIST, _DRIVERS, _STARTS = 6, 10, 4
 _RUN_AWAY = 1e100
 """What is larger has no square."""
-Offered = Callable[[Scene, Columns], Iterator[Mechanism]]
+Offered = Callable[[Context, Columns], Iterator[Mechanism]]
 
 
 @dataclass(frozen=True)
@@ -36,83 +36,83 @@ class Screened:
     """The model beside which it was screened."""
 
 
-def lasting_candidates(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
-    """Those of every kind of mechanism that may act all the time."""
-    yield from _offered(scene, "candidates")
+def permanent_candidates(context: Context, columns_of: Columns) -> Iterator[Mechanism]:
+    """Candidates of every kind of mechanism that act throughout the record."""
+    yield from _offered(context, "candidates")
 
 
-def every_candidate(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
-    """Those, and those that may act for a while, each in its best window, and what else may act in that."""
-    yield from lasting_candidates(scene, columns_of)
-    yield from _placed(scene, columns_of, _offered(scene, "windowed"))
-    yield from _placed(scene, columns_of, _offered(scene, "alone"))
+def every_candidate(context: Context, columns_of: Columns) -> Iterator[Mechanism]:
+    """Permanent candidates, and temporary ones, each in its best window."""
+    yield from permanent_candidates(context, columns_of)
+    yield from _windowed(context, columns_of, _offered(context, "windowed"))
+    yield from _windowed(context, columns_of, _offered(context, "alone"))
 
 
-def bent_candidates(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
-    """Those of :func:`lasting_candidates` that no other ambient replaces: neither constant heat nor a slow body."""
-    for each in lasting_candidates(scene, columns_of):
+def ambient_distinct_candidates(context: Context, columns_of: Columns) -> Iterator[Mechanism]:
+    """Those of :func:`permanent_candidates` that no other ambient replaces: neither constant heat nor a slow body."""
+    for each in permanent_candidates(context, columns_of):
         if not each.adds_nodes and (each.cause != "heat_source" or each.driver is not None):
             yield each
 
 
-def changed_candidates(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
-    """Those, and what may have changed for good or begun on a device that known-good records hold."""
-    windowed = _placed(scene, columns_of, _offered(scene, "windowed"))
-    yield from (each for each in (*lasting_candidates(scene, columns_of), *windowed) if not each.structural)
-    yield from _offered(scene, "windowed")
-    yield from _offered(scene, "changed")
-    yield from _placed(scene, columns_of, _offered(scene, "begun"))
+def change_candidates(context: Context, columns_of: Columns) -> Iterator[Mechanism]:
+    """Candidates of a change since known-good records: permanent ones, and those that may have begun or ended."""
+    windowed = _windowed(context, columns_of, _offered(context, "windowed"))
+    yield from (each for each in (*permanent_candidates(context, columns_of), *windowed) if not each.structural)
+    yield from _offered(context, "windowed")
+    yield from _offered(context, "changed")
+    yield from _windowed(context, columns_of, _offered(context, "begun"))
 
 
-def _offered(scene: Scene, how: str) -> Iterator[Mechanism]:
+def _offered(context: Context, how: str) -> Iterator[Mechanism]:
     """What the kinds of mechanism offer by a function of that name."""
     for name in plugin_names(_MECHANISMS):
-        yield from getattr(plugin(_MECHANISMS, name), how, lambda scene: ())(scene)
+        yield from getattr(plugin(_MECHANISMS, name), how, lambda context: ())(context)
 
 
-def _placed(scene: Scene, columns_of: Columns, offered: Iterable[Mechanism]) -> Iterator[Mechanism]:
-    """Each in its best windows, and what else may act in those."""
+def _windowed(context: Context, columns_of: Columns, offered: Iterable[Mechanism]) -> Iterator[Mechanism]:
+    """Each candidate in its best windows, and other mechanisms in the same windows."""
     for each in offered:
-        for placed in best_windows(scene.fitted, each, columns_of):
+        for placed in best_windows(context.fitted, each, columns_of):
             yield placed
             for name in plugin_names(_MECHANISMS):
                 beside = getattr(plugin(_MECHANISMS, name), "beside", None)
-                yield from () if beside is None else beside(scene, placed)
+                yield from () if beside is None else beside(context, placed)
 
 
-def screen(scene: Scene, offered: Offered) -> list[Screened]:
+def screen(context: Context, offered: Offered) -> list[Screened]:
     """Candidates of ``offered`` by what they would leave on held-out blocks, to first order; best first."""
-    fitted = scene.fitted
-    columns_of = columns_beside(fitted)
-    parts = {True: fitted.by_fold, False: fitted.by_comb}
+    fitted = context.fitted
+    columns_of = effect_columns(fitted)
+    parts = {True: fitted.by_fold, False: fitted.by_stretches}
     result = []
-    for each in offered(scene, columns_of):
+    for each in offered(context, columns_of):
         columns = columns_of(each)
         # where one of several places shows nothing, the others are offered without it
         if not columns.any(axis=0).all():
             continue
-        amounts, squares = _scored(fitted, parts[each.lasts], columns, each.lasts)
+        amounts, squares = _score_test(fitted, parts[each.permanent], columns, each.permanent)
         started = each.started([float(amount) for amount in amounts])
         if started is not None and np.isfinite(squares):
             result.append(Screened(started, squares, fitted))
     return sorted(result, key=lambda each: each.held_out)
 
 
-def columns_beside(fitted: Fitted) -> Columns:
-    """What each probe of a mechanism adds to the sensors beside a fit, (M, k)."""
-    beside = [_Beside(fitted.model, record, run.start) for record, run in zip(fitted.records, fitted.runs)]
+def effect_columns(fitted: Fitted) -> Columns:
+    """First-order effect of each probe of a mechanism on the sensors, (M, k)."""
+    beside = [_LinearisedModel(fitted.model, record, run.start) for record, run in zip(fitted.records, fitted.runs)]
     return lambda mechanism: np.concatenate([each.effect(mechanism) for each in beside])
 
 
-class _Beside:
-    """A model on a record, whose own heat and losses stay as they are along its simulation."""
+class _LinearisedModel:
+    """A model linearised along its simulation of a record."""
 
     def __init__(self, model: GreyBox, record: Record, start: Array) -> None:
         self.model, self.record, self.start = model, record, start
         network = model.network(record, model.z()[None])
         self.nodes = network.nodes_degC(start[None])[0]
         self.read = network.read(self.nodes[None])[0]
-        self._frozen: dict[int, Network] = {}
+        self._linearised: dict[int, Network] = {}
 
     def effect(self, mechanism: Mechanism) -> Array:
         """What each probe of a mechanism adds to the sensors, (M, k); nothing where one makes them run away."""
@@ -126,19 +126,19 @@ class _Beside:
         return np.asarray(added if (np.abs(added) < _RUN_AWAY).all() else np.zeros_like(added))
 
     def _network(self, lanes: int) -> Network:
-        if lanes not in self._frozen:
-            self._frozen[lanes] = self.model.network(self.record, np.repeat(self.model.z()[None], lanes, axis=0))
-            self._frozen[lanes].frozen(self.nodes)
-        return self._frozen[lanes].copied()
+        if lanes not in self._linearised:
+            self._linearised[lanes] = self.model.network(self.record, np.repeat(self.model.z()[None], lanes, axis=0))
+            self._linearised[lanes].linearise_along(self.nodes)
+        return self._linearised[lanes].copied()
 
 
-def _scored(fitted: Fitted, parts: Parts, S: Array, lasts: bool) -> tuple[Array, float]:
-    """The amounts (k,) of columns S (M, k) beside the model's own slopes, and the held-out sum of squares with them.
+def _score_test(fitted: Fitted, parts: FoldData, S: Array, permanent: bool) -> tuple[Array, float]:
+    """Score test of columns S (M, k): their amounts (k,) beside the model's Jacobian, and the held-out sum of squares.
 
     What acts for a while is left out in short stretches, and its gain on them is taken for that on folds.
     """
-    left_out = LEFT_OUT if lasts else EACH
-    full = parts.beside(S)
+    left_out = LEFT_OUT if permanent else EACH_FOLD
+    full = parts.with_columns(S)
     own = full.H.shape[1] - S.shape[1]
     size = np.concatenate([np.ones(own), 1.0 / (np.sqrt((S**2).sum(axis=0)) + 1e-300)])
     ridge = block_diag(fitted.ridge, 1e-9 * np.eye(S.shape[1]))
@@ -148,7 +148,7 @@ def _scored(fitted: Fitted, parts: Parts, S: Array, lasts: bool) -> tuple[Array,
     # the candidate's own coordinate is its amount: a fold that is left out may change it as much as it likes
     scaled = sized.moved(solution).scaled(np.concatenate([np.ones(own), np.abs(amounts) / size[own:]]))
     squares = float(scaled.held_out(ridge, left_out).sum())
-    return amounts, squares if lasts else squares * float(fitted.held_out.sum() / fitted.combed.sum())
+    return amounts, squares if permanent else squares * float(fitted.held_out.sum() / fitted.held_out_stretches.sum())
 
 
 def shortlist(screened: Sequence[Screened]) -> list[Screened]:
@@ -156,7 +156,7 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
     distinct: dict[tuple[object, ...], Screened] = {}
     for each in screened:
         mechanism = each.mechanism
-        point = id(each.point) if mechanism.shaped else 0
+        point = id(each.point) if mechanism.multistart else 0
         bounded = ends_within(mechanism)
         distinct.setdefault((type(mechanism), mechanism.key, len(mechanism.numbers), point, bounded), each)
     ordered = list(distinct.values())
@@ -166,7 +166,7 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
     for each in ordered:
         cause, _, driver = each.mechanism.key
         windowed = ends_within(each.mechanism)
-        numbers = len(each.mechanism.numbers) * each.mechanism.shaped
+        numbers = len(each.mechanism.numbers) * each.mechanism.multistart
         # what has changed on a device that known-good records show is at one place
         several = len(each.mechanism.places) > 1 and each.mechanism.by_place and not each.point.records[0].known_good
         kinds: list[tuple[str, object]] = [
@@ -177,7 +177,7 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
         if each.mechanism.adds_nodes:
             kinds.append(("where", (each.mechanism.places, numbers, windowed)))
         shape = (type(each.mechanism), len(each.mechanism.places), len(each.mechanism.numbers))
-        if each.mechanism.shaped and started.get(shape, 0) < _STARTS:
+        if each.mechanism.multistart and started.get(shape, 0) < _STARTS:
             started[shape] = started.get(shape, 0) + 1
             chosen.append(each)
         scope = "driver of one" if len(each.mechanism.places) == 1 else "driver of several"

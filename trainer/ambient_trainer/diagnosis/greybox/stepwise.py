@@ -1,4 +1,4 @@
-"""Mechanisms are added one at a time, or two, screened, fitted and compared; what later ones make needless goes."""
+"""Stepwise selection: mechanisms are screened, fitted, compared and added; those that become needless are dropped."""
 
 import logging
 from collections.abc import Sequence
@@ -10,23 +10,23 @@ import numpy as np
 
 from ambient_model.faults import refuse
 from ambient_trainer.diagnosis.greybox.backward import steps_to
-from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, UNLIMITED, Limits, Step, choose
+from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, UNLIMITED, Limits, SelectionStep, choose
 from ambient_trainer.diagnosis.greybox.conducted import conducted
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.model import GreyBox
-from ambient_trainer.diagnosis.greybox.pairs import ABOVE_FLOOR, Progress, beside_second, each_its_own, pair
+from ambient_trainer.diagnosis.greybox.pairs import ABOVE_FLOOR, Progress, fit_pair, fit_separately, step_given_second
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit
-from ambient_trainer.diagnosis.greybox.revision import elsewhere, near, pruned, revised
-from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.revision import at_other_places, close_rivals, prune, revise
 from ambient_trainer.diagnosis.greybox.screening import (
     Offered,
     Screened,
     every_candidate,
-    lasting_candidates,
+    permanent_candidates,
     screen,
     shortlist,
 )
-from ambient_trainer.diagnosis.greybox.trials import Trial, cheap, compared
-from ambient_trainer.diagnosis.greybox.windows import sharpened
+from ambient_trainer.diagnosis.greybox.trials import Trial, fit_candidates, is_cheap
+from ambient_trainer.diagnosis.greybox.windows import refine_timing
 from ambient_trainer.diagnosis.record import Record
 
 _log = logging.getLogger(__name__)
@@ -44,8 +44,8 @@ class Selection:
 
     bare: Fitted
     final: Fitted
-    steps: tuple[Step, ...]
-    compared: Step
+    steps: tuple[SelectionStep, ...]
+    compared: SelectionStep
 
 
 def stepwise(
@@ -59,7 +59,7 @@ def stepwise(
 
     The first candidates are screened at the points ``beside``, too.
     """
-    return _forward(Selection(bare, bare, (), Step(bare, None, (), 0)), beside, limits, progress, offered)
+    return _select(Selection(bare, bare, (), SelectionStep(bare, None, (), 0)), beside, limits, progress, offered)
 
 
 def continued(
@@ -69,40 +69,40 @@ def continued(
 
     Each is compared with what else does beside all others.
     """
-    steps: list[Step] = []
+    steps: list[SelectionStep] = []
     for step in steps_to(found.bare, together, found.compared.tried):
-        said = partial(_numbered, progress or _silent, len(steps) + 1)
-        rivals = replace(step, trials=_compared([step.before], every_candidate, said)[1])
+        report = partial(_numbered, progress or _no_progress, len(steps) + 1)
+        rivals = replace(step, trials=_screen_and_fit([step.before], every_candidate, report)[1])
         steps.append(_compact(rivals) if steps else rivals)
-    return _forward(replace(found, final=together, steps=tuple(steps)), beside, limits, progress, every_candidate)
+    return _select(replace(found, final=together, steps=tuple(steps)), beside, limits, progress, every_candidate)
 
 
-def _forward(
+def _select(
     begun: Selection, beside: Sequence[Fitted], limits: Limits, progress: Progress | None, offered: Offered
 ) -> Selection:
-    said = progress or _silent
+    report = progress or _no_progress
     bare, fitted, given = begun.bare, begun.final, len(begun.bare.model.mechanisms)
     steps, compared = list(begun.steps), begun.compared if begun.steps else None
     while len(steps) < MOST_STEPS:
         points = [fitted] if steps else [fitted, *beside]
-        step = _next(points, limits, offered, partial(_numbered, said, len(steps) + 1))
+        step = _select_next(points, limits, offered, partial(_numbered, report, len(steps) + 1))
         compared = compared or step
-        pairs = [each_its_own(step, limits), conducted(step)]
+        pairs = [fit_separately(step, limits), conducted(step)]
         # what goes with heat at several places says nothing where that is at one of them
         if not pairs[-1] and beside and (not steps or _stuck(step, limits)):
-            pairs.append(pair(step, points[1:], limits, offered, partial(_numbered, said, len(steps) + 1)))
+            pairs.append(fit_pair(step, points[1:], limits, offered, partial(_numbered, report, len(steps) + 1)))
         found = [(each[-1].chosen.rmse_degC, each) for each in pairs if each and each[-1].chosen]
         steps += min(found, key=itemgetter(0))[1] if found else [_compact(step) if steps else step]
         last = steps[-1].chosen
         if last is not None:
             _log.info("%s: %.3f -> %.3f", last.mechanism, fitted.held_out_rmse_degC, last.rmse_degC)
-            fitted = pruned(last.fitted, given)
-            if (moved := revised(steps[:-1], fitted, given, elsewhere)) is not None:
+            fitted = prune(last.fitted, given)
+            if (moved := revise(steps[:-1], fitted, given, at_other_places)) is not None:
                 steps, fitted = [*moved[0], steps[-1]], moved[1]
             continue
-        coarse_degC, fitted = fitted.held_out_rmse_degC, _retuned(fitted, given)
+        coarse_degC, fitted = fitted.held_out_rmse_degC, _refine_tuned(fitted, given)
         finer = fitted.held_out_rmse_degC < np.exp(-LEAST_GAIN) * coarse_degC
-        again = revised(steps[:-1], fitted, given, near)
+        again = revise(steps[:-1], fitted, given, close_rivals)
         if again is not None:
             steps, fitted = again
         elif finer:
@@ -111,86 +111,86 @@ def _forward(
         else:
             break
     else:
-        fitted = _retuned(fitted, given)
-    return Selection(bare, fitted, tuple(_logged_first(steps)), compared or begun.compared)
+        fitted = _refine_tuned(fitted, given)
+    return Selection(bare, fitted, tuple(_order_logged_first(steps)), compared or begun.compared)
 
 
-def _stuck(step: Step, limits: Limits) -> bool:
-    """Whether nothing by itself gains, though a black box with the same inputs leaves much less."""
+def _stuck(step: SelectionStep, limits: Limits) -> bool:
+    """Whether no single mechanism gains, although a black box with the same inputs leaves much less."""
     return step.chosen is None and step.before.held_out_rmse_degC > ABOVE_FLOOR * limits.floor_degC
 
 
-def _retuned(fitted: Fitted, given: int) -> Fitted:
+def _refine_tuned(fitted: Fitted, given: int) -> Fitted:
     """The same with delays and levels refined beside what was added since, where less is left of held-out data.
 
     The first ``given`` are the circuit's own. Zones of a loss, which stand on a grid till then, are refined here alone.
     """
     for index, each in list(enumerate(fitted.model.mechanisms))[given:]:
         if each.driver is not None and each.driver.level is not None:
-            again = sharpened(fitted, index)
+            again = refine_timing(fitted, index)
             again = again if fitted.validated is None else again.refitted()
             fitted = min(fitted, again, key=lambda each: each.held_out_rmse_degC)
     return fitted
 
 
-def _compact(step: Step) -> Step:
+def _compact(step: SelectionStep) -> SelectionStep:
     """The same with the errors of its trials alone."""
     return replace(step, trials=tuple(replace(each, fitted=each.fitted.without_slopes()) for each in step.trials))
 
 
-def _logged_first(steps: Sequence[Step]) -> Sequence[Step]:
+def _order_logged_first(steps: Sequence[SelectionStep]) -> Sequence[SelectionStep]:
     """With heat by a logged driver before heat that is there without one, where these are the first two."""
     first, second = (*(step.chosen for step in steps[:2]), None, None)[:2]
-    if first is None or second is None or not (first.lasting and second.lasting):
+    if first is None or second is None or not (first.permanent and second.permanent):
         return steps
     heats = first.mechanism.cause == second.mechanism.cause == "heat_source"
     if not heats or first.mechanism.driver is not None or second.mechanism.driver is None:
         return steps
-    return [steps[1], beside_second(steps[0], first, second), *steps[2:]]
+    return [steps[1], step_given_second(steps[0], first, second), *steps[2:]]
 
 
-def _silent(stage: str, done: int, total: int) -> None:
+def _no_progress(stage: str, done: int, total: int) -> None:
     pass
 
 
-def _numbered(said: Progress, number: int, stage: str, done: int, total: int) -> None:
-    said(f"fit effect {number}: {stage}", done, total)
+def _numbered(report: Progress, number: int, stage: str, done: int, total: int) -> None:
+    report(f"fit effect {number}: {stage}", done, total)
 
 
-def _next(points: Sequence[Fitted], limits: Limits, offered: Offered, said: Progress) -> Step:
+def _select_next(points: Sequence[Fitted], limits: Limits, offered: Offered, report: Progress) -> SelectionStep:
     """One step from the first of ``points``; candidates are screened beside each."""
     fitted = points[0]
-    tried, trials = _compared(points, offered, said)
+    tried, trials = _screen_and_fit(points, offered, report)
     chosen = choose(fitted, trials, limits.least_degC)
     # what a black box leaves says nothing of readings that jump or stand still
-    visible = chosen is not None and (chosen.mechanism.sudden or chosen.mechanism.evident)
+    visible = chosen is not None and (chosen.mechanism.step_like or chosen.mechanism.visible_in_readings)
     if chosen is not None and not visible and fitted.held_out_rmse_degC < limits.floor_degC:
         small = chosen.rmse_degC > _BELOW_FLOOR * fitted.held_out_rmse_degC
         # nor does it of a late reference, which only what comes later shows
         blamed = chosen.mechanism.instrument and not chosen.mechanism.of_reference
         chosen = None if small or blamed else chosen
     if chosen is not None and chosen.mechanism.tuned:
-        again = sharpened(chosen.fitted)
-        finer = Trial.of(fitted, again.refitted() if cheap(again) else again)
+        again = refine_timing(chosen.fitted)
+        finer = Trial.of(fitted, again.refitted() if is_cheap(again) else again)
         chosen = min(chosen, finer, key=lambda each: each.rmse_degC)
-    return Step(fitted, chosen, trials, tried)
+    return SelectionStep(fitted, chosen, trials, tried)
 
 
-def _compared(points: Sequence[Fitted], offered: Offered, said: Progress) -> tuple[int, tuple[Trial, ...]]:
+def _screen_and_fit(points: Sequence[Fitted], offered: Offered, report: Progress) -> tuple[int, tuple[Trial, ...]]:
     """How many candidates were screened beside ``points``, and the best of them, each fitted beside the first point."""
     screened: list[Screened] = []
     for index, point in enumerate(points):
-        said("screen", index, len(points))
-        screened += screen(Scene(point), lasting_candidates if index else offered)
+        report("screen", index, len(points))
+        screened += screen(Context(point), permanent_candidates if index else offered)
     screened.sort(key=lambda each: each.held_out)
-    trials = compared(points[0], shortlist(screened), partial(said, "try"))
+    trials = fit_candidates(points[0], shortlist(screened), partial(report, "try"))
     _log.debug("\n".join(f"{each.rmse_degC:.3f} {each.fitted.rmse_degC:.3f} {each.mechanism}" for each in trials))
     return len({each.mechanism.key for each in screened}), tuple(trials)
 
 
 def anchors(model: GreyBox, records: Sequence[Record]) -> list[Fitted]:
-    """The circuit as it is given and with time constants a factor of ten off, not fitted: where a cause that is missing
-    drives the fit to absurd ones, candidates show themselves here."""
+    """The unfitted circuit, as given and with time constants ten times off: candidates can be detected here where a
+    missing cause drives the fit to absurd time constants."""
     points = (fit(_slower(model, factor), records, most=0, prior=Prior.of(model)) for factor in (1.0, 10.0, 0.1))
     return [each for each in points if each is not None]
 

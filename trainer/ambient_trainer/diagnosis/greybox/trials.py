@@ -1,4 +1,4 @@
-"""What candidates are worth, fitted jointly with all numbers: the held-out error, and what each takes for granted."""
+"""Joint fits of candidates with all parameters, their held-out error, and a complexity penalty."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from threadpoolctl import ThreadpoolController
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism, Number
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit, fit_near
-from ambient_trainer.diagnosis.greybox.screening import Screened, columns_beside, ends_within
-from ambient_trainer.diagnosis.greybox.windows import best_window, sharpened
+from ambient_trainer.diagnosis.greybox.screening import Screened, effect_columns, ends_within
+from ambient_trainer.diagnosis.greybox.windows import best_window, refine_timing
 from ambient_trainer.diagnosis.record import Record
 
 PENALTY = 0.04
-"""Of the held-out error's logarithm, by complexity."""
+"""Penalty on the logarithm of the held-out error, per unit of complexity."""
 _FEW, _MANY, _FINALISTS = 5, 25, 4
 _FINE, _COARSE = 5e-4, 3e-3
 """Of the cost: what a step of a fit gains, when it ends."""
-_HOPELESS = 0.25
+_MAX_SCORE_GAP = 0.25
 _LOOPED = 2500
-_SURELY, _WITHIN = 1.96, 100.0
-_PLACED = 2
+_TWO_SIDED_95, _MAX_FACTOR = 1.96, 100.0
+_MOST_RELOCATIONS = 2
 _BEGINS, _BEGINS_DEGC = 0.25, 8.0
 """Of the span of the readings, and at least: a hidden body begins no further beyond the temperatures that are known
 then. What nothing heats lies between them: true bodies of eight measured sets begin within 0.12 of the span."""
@@ -45,9 +45,9 @@ class Trial:
     beyond one."""
 
     @property
-    def lasting(self) -> bool:
+    def permanent(self) -> bool:
         """Whether it acts all the time."""
-        return self.mechanism.lasts
+        return self.mechanism.permanent
 
     @property
     def identified(self) -> bool:
@@ -58,18 +58,18 @@ class Trial:
     def of(before: Fitted, after: Fitted) -> Trial:
         """The last mechanism of ``after``; one that acts for a while is scored on short stretches."""
         mechanism, error = after.model.mechanisms[-1], after.held_out_rmse_degC
-        if not mechanism.lasts:
+        if not mechanism.permanent:
             error = after.by_stretches_degC(before)
         # an earlier time constant may well turn out to be longer than the record
         new = after.at_bounds - before.at_bounds
         numbers, own = after.model.numbers, len(after.model.numbers) - len(mechanism.numbers)
         bounded = any(index >= own or not numbers[index].log for index in new)
-        bounded = bounded or begins_apart(after)
+        bounded = bounded or starts_out_of_range(after)
         return Trial(mechanism, after, error if np.isfinite(error) else float("inf"), bounded)
 
 
-def begins_apart(fitted: Fitted) -> bool:
-    """Whether a body that was added begins far outside of all temperatures that are known then."""
+def starts_out_of_range(fitted: Fitted) -> bool:
+    """Whether an added body starts far outside of the temperatures known at that time."""
     own = len(fitted.model.circuit.states)
     if not any(each.adds_nodes for each in fitted.model.mechanisms):
         return False
@@ -84,26 +84,26 @@ def begins_apart(fitted: Fitted) -> bool:
 
 
 def identified(fitted: Fitted, index: int) -> bool:
-    """Whether an amount of a mechanism is surely not zero, or its conductance is known within a factor of a hundred; of
-    heat and paths each."""
+    """Whether an amount of a mechanism is significant, or its conductance is known to a factor of a hundred; for heat
+    and paths each of them."""
     mechanism = fitted.model.mechanisms[index]
     first = len(fitted.model.own) + sum(len(each.numbers) for each in fitted.model.mechanisms[:index])
     variance = np.diag(fitted.covariance)[first : first + len(mechanism.numbers)]
     deviations = np.sqrt(np.maximum(variance, 0.0))
-    sure = [_is_sure(*each) for each in zip(mechanism.numbers, deviations)]
+    sure = [_is_significant(*each) for each in zip(mechanism.numbers, deviations)]
     if mechanism.by_place:
         return all(sure)
     amounts = [each for each, number in zip(sure, mechanism.numbers) if not number.log]
     return any(amounts) or (mechanism.numbers[0].log and sure[0])
 
 
-def _is_sure(number: Number, deviation: float) -> bool:
+def _is_significant(number: Number, deviation: float) -> bool:
     if number.log:
-        return bool(_SURELY * deviation < np.log(_WITHIN))
-    return abs(number.z) > _SURELY * deviation
+        return bool(_TWO_SIDED_95 * deviation < np.log(_MAX_FACTOR))
+    return abs(number.z) > _TWO_SIDED_95 * deviation
 
 
-def compared(before: Fitted, screened: Sequence[Screened], progress: Callable[[int, int], None]) -> list[Trial]:
+def fit_candidates(before: Fitted, screened: Sequence[Screened], progress: Callable[[int, int], None]) -> list[Trial]:
     """Joint fits with each candidate from where it was screened, best first: a few steps for all, more for the best.
 
     They run side by side in as many processes as joblib is configured for.
@@ -111,26 +111,26 @@ def compared(before: Fitted, screened: Sequence[Screened], progress: Callable[[i
     total = len(screened) + _FINALISTS
     begun = [(each.point.model.with_mechanism(each.mechanism), each.point) for each in screened]
     trials: list[Trial] = []
-    for done, result in enumerate(_side_by_side(_refit, begun, _FEW)):
+    for done, result in enumerate(_in_parallel(_refit, begun, _FEW)):
         progress(done, total)
         if result is not None:
             trials.append(Trial.of(before, result))
     known = {each.mechanism.key for each in trials}
-    heating = [(each, less) for each in trials if (less := _where_it_acts(each)) and less.key not in known]
+    heating = [(each, less) for each in trials if (less := _drop_insignificant_places(each)) and less.key not in known]
     fewer = [(before.model.with_mechanism(less), each.fitted) for each, less in heating]
-    joined = _together(before, trials)
-    trials += [Trial.of(before, each) for each in _side_by_side(_refit, [*fewer, *joined], _FEW) if each is not None]
+    joined = _joint_starts(before, trials)
+    trials += [Trial.of(before, each) for each in _in_parallel(_refit, [*fewer, *joined], _FEW) if each is not None]
     trials.sort(key=_promise)
-    worth = [each for each in trials[:_FINALISTS] if _promise(each) < _promise(trials[0]) + _HOPELESS]
+    worth = [each for each in trials[:_FINALISTS] if _promise(each) < _promise(trials[0]) + _MAX_SCORE_GAP]
     finalists = [(each.fitted.model, each.fitted) for each in worth]
-    for index, result in enumerate(_side_by_side(_refit_and_validate, finalists, _MANY)):
+    for index, result in enumerate(_in_parallel(_refit_and_validate, finalists, _MANY)):
         progress(len(screened) + index, total)
         if result is not None:
             trials[index] = Trial.of(before, result)
     return sorted(trials[: len(worth)], key=penalised) + sorted(trials[len(worth) :], key=penalised)
 
 
-def _side_by_side(
+def _in_parallel(
     function: Callable[..., Fitted | None], tasks: Sequence[tuple[GreyBox, Fitted]], most: int
 ) -> Iterator[Fitted | None]:
     calls = (
@@ -162,20 +162,20 @@ def _refit_and_validate(*given: Any) -> Fitted | None:
     if done is None:
         return None
     with _libraries().limit(limits=1):
-        if not done.model.mechanisms[-1].lasts:
+        if not done.model.mechanisms[-1].permanent:
             # where a sensor stands still its readings show, but for the samples in which that begins and ends
-            done = sharpened(done if done.model.mechanisms[-1].evident else _placed_again(done))
-        return done.refitted() if cheap(done) else done
+            done = refine_timing(done if done.model.mechanisms[-1].visible_in_readings else _relocate_window(done))
+        return done.refitted() if is_cheap(done) else done
 
 
-def _placed_again(fitted: Fitted) -> Fitted:
+def _relocate_window(fitted: Fitted) -> Fitted:
     """The same with the window of its last mechanism placed anew beside its other numbers, which it has moved."""
-    for _ in range(_PLACED):
+    for _ in range(_MOST_RELOCATIONS):
         model, last = fitted.model.without(len(fitted.model.mechanisms) - 1), fitted.model.mechanisms[-1]
         beside = fit_near(fitted, model, most=0)
         if beside is None:
             break
-        window = best_window(beside, last, columns_beside(beside), closed=all(ends_within(last)))
+        window = best_window(beside, last, effect_columns(beside), closed=all(ends_within(last)))
         if window is None or window == last or ends_within(window) != ends_within(last):
             break
         again = fit_near(fitted, model.with_mechanism(window), _FEW, tolerance=3e-3)
@@ -185,34 +185,35 @@ def _placed_again(fitted: Fitted) -> Fitted:
     return fitted
 
 
-def cheap(fitted: Fitted) -> bool:
-    """Whether folds can be left out in earnest: without a loop over samples, or with few of them."""
+def is_cheap(fitted: Fitted) -> bool:
+    """Whether refitting without each fold is affordable: no loop over samples, or few of them."""
     network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
     return not network.nonlinear or sum(record.samples for record in fitted.records) < _LOOPED
 
 
-def _where_it_acts(trial: Trial) -> Mechanism | None:
+def _drop_insignificant_places(trial: Trial) -> Mechanism | None:
     """Heat into several places, or several paths, without those whose amount is at a bound, or not surely one; None
     where all are."""
     mechanism, numbers = trial.mechanism, trial.mechanism.numbers
     if not mechanism.by_place or len(mechanism.places) != len(numbers) or len(numbers) == 1:
         return None
     deviations = np.sqrt(np.maximum(np.diag(trial.fitted.covariance)[-len(numbers) :], 0.0))
-    sure = [n.z > n.range_z[0] and _is_sure(n, sd) for n, sd in zip(numbers, deviations)]
+    sure = [n.z > n.range_z[0] and _is_significant(n, sd) for n, sd in zip(numbers, deviations)]
     kept = [index for index, each in enumerate(sure) if each]
     return mechanism.at_places(kept) if 0 < len(kept) < len(numbers) else None
 
 
-def _together(before: Fitted, trials: Sequence[Trial]) -> list[tuple[GreyBox, Fitted]]:
+def _joint_starts(before: Fitted, trials: Sequence[Trial]) -> list[tuple[GreyBox, Fitted]]:
     """What acts at several places, each place begun where it is best by itself; all moves from ``before`` are added.
 
     One start for all places ends in a mixture of their valleys.
     """
     alone: dict[tuple[type, int], dict[tuple[str, ...], Trial]] = {}
     for each in sorted(trials, key=_promise):
-        if each.mechanism.shaped and len(each.mechanism.places) == 1 and each.lasting and not each.mechanism.instrument:
-            kind = type(each.mechanism), len(each.mechanism.numbers)
-            alone.setdefault(kind, {}).setdefault(each.mechanism.places, each)
+        its = each.mechanism
+        if its.multistart and its.permanent and not its.instrument and len(its.places) == 1:
+            kind = type(its), len(its.numbers)
+            alone.setdefault(kind, {}).setdefault(its.places, each)
     joined = {}
     for each in trials:
         kind = type(each.mechanism), len(each.mechanism.numbers) // max(len(each.mechanism.places), 1)
@@ -236,12 +237,12 @@ def _superposed(before: Fitted, mechanism: Mechanism, parts: Sequence[Trial]) ->
 
 
 def _promise(trial: Trial) -> float:
-    """Which trials are worth a full fit: by the error in sample, since few steps make the held-out one unsure."""
+    """In-sample score by which trials get a full fit: after few iterations the held-out error is unreliable."""
     return float(np.log(trial.fitted.rmse_degC)) + PENALTY * complexity(trial.mechanism)
 
 
 def complexity(mechanism: Mechanism) -> float:
-    """How much a mechanism assumes: its numbers, its driver's parts, and what it takes for granted besides."""
+    """Complexity of a mechanism: its parameters, its driver's terms, and further assumptions."""
     text = "" if mechanism.driver is None else mechanism.driver.text
     driver = (
         0.5 * bool(text)
@@ -256,10 +257,10 @@ def complexity(mechanism: Mechanism) -> float:
 
 
 def assumed(model: GreyBox) -> float:
-    """What all mechanisms of a model assume."""
+    """Total complexity of a model's mechanisms."""
     return sum(map(complexity, model.mechanisms))
 
 
 def penalised(trial: Trial) -> float:
-    """The logarithm of the held-out error, and what a mechanism assumes."""
+    """Logarithm of the held-out error, penalised for complexity."""
     return float(np.log(trial.rmse_degC)) + PENALTY * complexity(trial.mechanism)

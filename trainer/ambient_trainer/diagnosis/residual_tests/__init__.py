@@ -1,4 +1,4 @@
-"""Tests of a residual, in the order in which one reads them: is it white noise, and what does it go along with.
+"""Tests of a residual: whether it is white, and which signals, rates and changes it correlates with.
 
 All thresholds are the textbook's. Those of what a residual goes along with hold for all subjects, delays and sensors of
 a report together, by Sidak and Bonferroni: one report in 20 without an effect is meant to have a false alarm. Of 100
@@ -16,12 +16,12 @@ from scipy.ndimage import uniform_filter1d
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.record import bridged
-from ambient_trainer.diagnosis.residual_tests.prewhitening import Largest, follows, remembers, shifted, whitening
+from ambient_trainer.diagnosis.residual_tests.prewhitening import Largest, correlated, shifted, testable, whitening
 from ambient_trainer.diagnosis.residual_tests.whiteness import (
+    autocorrelation_test,
     autocorrelation_time_s,
     cumulated_periodogram,
     ljung_box,
-    memory,
 )
 from ambient_trainer.diagnosis.result import Tested
 from ambient_trainer.lti.lag import lagged
@@ -30,7 +30,7 @@ from ambient_trainer.report.words import clock, digits, duration
 LEVEL = 0.05
 """How often, without any effect, any of the robust tests of a report fails; and any of those for whiteness."""
 MOST_SAMPLES = 1200
-"""Few enough that some tens of them are as long as a residual's memory, or nearly."""
+"""Few enough that some tens of them are as long as a residual's autocorrelation time, or nearly."""
 _DELAYS_STEPS = 0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0
 _LONGEST_DELAY_FRAC = 0.25
 _RATE_STEPS = 5
@@ -59,12 +59,13 @@ def residual_tests(
     time_s = _coarse(time_s)
     step_s = float(np.ptp(time_s[:2]))
     logged, air = {name: bridged(_coarse(row)) for name, row in signals.items()}, _coarse(ambient_degC)
-    residuals = {row: each for row, every in enumerate(residual_degC) if remembers(each := _coarse(every))}
+    residuals = {row: each for row, every in enumerate(residual_degC) if testable(each := _coarse(every))}
     white: list[Tested] = []
     found: list[_Compared] = []
     for row, series in residuals.items():
         given, alpha = (series, sensors[row]), LEVEL / (2 * len(residuals))
-        white += [ljung_box(*given, alpha), cumulated_periodogram(*given, step_s, alpha), memory(*given, step_s)]
+        white += [ljung_box(*given, alpha), cumulated_periodogram(*given, step_s, alpha)]
+        white.append(autocorrelation_test(*given, step_s))
         simulated = bridged(_coarse(measured_degC[row] - residual_degC[row]))
         found += _along(*given, logged, air, simulated, step_s)
         found += _changes(*given, _coarse(heat[row]), time_s)
@@ -73,10 +74,10 @@ def residual_tests(
     return (*white, *(Tested.of(*each[:4], each[4].t, each[4].threshold(alpha)) for each in found))
 
 
-def residual_memory_s(time_s: Array, residual_degC: Array) -> float:
+def correlation_s(time_s: Array, residual_degC: Array) -> float:
     """The autocorrelation time of one sensor's residual (N,); NaN where it has no tests."""
     time_s, series = _coarse(time_s), _coarse(residual_degC)
-    return autocorrelation_time_s(series, float(time_s[1] - time_s[0])) if remembers(series) else math.nan
+    return autocorrelation_time_s(series, float(time_s[1] - time_s[0])) if testable(series) else math.nan
 
 
 def _coarse(values: Array) -> Array:
@@ -97,11 +98,11 @@ def _along(
         """Whether it follows ``course`` (n,), beside what is ``given``, and what that would mean."""
         if np.ptp(course[np.isfinite(series)]) > 0:
             (responses, delays), others = _delayed(course), [_delayed(each)[0] for each in given]
-            largest, best, size = follows(series, whiten, responses, *others)
+            largest, best, size = correlated(series, whiten, responses, *others)
             delay = f"with a delay of about {duration(delays[best] * step_s)}" if delays[best] else "at once"
-            said = f"the residual follows {what} {delay}, by {digits(size, 2)} degC over its range{hint}"
-            otherwise = f"the residual does not follow {what} more than chance would"
-            yield test, f"{sensor}, {what}" if what in logged else sensor, said, otherwise, largest
+            if_significant = f"the residual follows {what} {delay}, by {digits(size, 2)} degC over its range{hint}"
+            if_not = f"the residual does not follow {what} more than chance would"
+            yield test, f"{sensor}, {what}" if what in logged else sensor, if_significant, if_not, largest
 
     for name, row in logged.items():
         yield from tested("cross-correlation", name, "", row)
@@ -128,13 +129,13 @@ def _delayed(course: Array) -> tuple[Array, list[float]]:
 
 def _changes(series: Array, sensor: str, heat: Array, time_s: Array) -> Iterator[_Compared]:
     course, known = time_s - time_s[0], np.isfinite(series)
-    # a drift would pass for memory
+    # a drift would pass for autocorrelation
     straight = np.polyval(np.polyfit(course[known], series[known], 1), course)
-    largest, _, size = follows(series, whitening(series - straight), course[None])
-    said = f"the residual drifts by {digits(size, 2)} degC over {duration(course[-1])}"
-    yield "drift", sensor, said, "the residual does not drift more than its memory explains", largest
+    largest, _, size = correlated(series, whitening(series - straight), course[None])
+    if_significant = f"the residual drifts by {digits(size, 2)} degC over {duration(course[-1])}"
+    yield "drift", sensor, if_significant, "the residual does not drift more than its autocorrelation explains", largest
     changing = [("change", series, "the residual", " degC")]
-    if remembers(heat):
+    if testable(heat):
         changing.append(("change of heat", heat, "the heat that explains the residual", ""))
     for test, each, what, unit in changing:
         largest, turns = shifted(each)

@@ -1,7 +1,7 @@
-"""Prewhitening: what a series follows more than chance would (Box and Jenkins; Haugh 1976; Ljung, ch. 16).
+"""Prewhitened cross-correlation tests of a series (Box and Jenkins; Haugh 1976; Ljung, ch. 16).
 
 An autoregression, its order by Akaike's criterion, leaves innovations of the series; the same filter passes over what
-it may follow, and their correlation is taken as a Student's t. A short series says little of how long its memory is,
+it may follow, and their correlation is taken as a Student's t. A short series says little of its autocorrelation,
 and one taken too short passes for an effect: it is taken as long as the series leaves probable.
 """
 
@@ -36,7 +36,7 @@ class Largest(NamedTuple):
         return float(stats.t.isf(alpha / (2 * self.trials), self.free))
 
 
-def remembers(series: Array) -> bool:
+def testable(series: Array) -> bool:
     """Whether enough of ``series`` (n,) is known, each with its past, and changes there."""
     rows = _rows(series)
     return len(rows) >= _FEWEST_ROWS and bool(np.ptp(series[rows]) > 0)
@@ -67,7 +67,7 @@ def _autoregression(series: Array) -> tuple[Array, Array, int]:
 def whitening(series: Array) -> Array:
     """The filter (p + 1,) that leaves innovations of ``series`` (n,).
 
-    Least squares make a long memory too short, the sum of its weights by (1 + 3 sum) / m: that is put right, the sum
+    Least squares make long memory too short, the sum of its weights by (1 + 3 sum) / m: that is put right, the sum
     taken at its upper confidence limit, and at most 1: what may be a random walk is differenced.
     """
     both, R, order = _autoregression(series)
@@ -80,7 +80,7 @@ def whitening(series: Array) -> Array:
     return np.append(1.0, -weights)
 
 
-def follows(series: Array, whiten: Array, courses: Array, *given: Array) -> tuple[Largest, int, float]:
+def correlated(series: Array, whiten: Array, courses: Array, *given: Array) -> tuple[Largest, int, float]:
     """Student's t of ``series`` (n,) with that of ``courses`` (d, n) which it follows best, which one that is, and how
     far it moves the series over its range; each course beside its own one of ``given`` (d, n)."""
     together = np.stack([*given, courses, np.broadcast_to(series, courses.shape)], axis=-1)

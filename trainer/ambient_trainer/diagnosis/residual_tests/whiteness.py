@@ -1,4 +1,4 @@
-"""Tests whether a residual is white, with textbook thresholds: Ljung-Box, Bartlett, and the autocorrelation time."""
+"""Whiteness tests of a residual: Ljung-Box, Bartlett's cumulated periodogram, and the autocorrelation time."""
 
 import math
 
@@ -28,9 +28,9 @@ def ljung_box(series: Array, sensor: str, alpha: float) -> Tested:
     lags = min(MOST_LAGS, int(np.isfinite(series).sum()) // 5)
     rho, pairs = (row[: lags + 1] for row in autocorrelation(series))
     statistic = (pairs[1:] * rho[1:] ** 2).sum() * (pairs[0] + 2) / pairs[0]
-    said = "the residual is not white noise: its successive values are correlated"
-    otherwise = "successive values of the residual are not correlated, as in white noise"
-    return Tested.of("whiteness", sensor, said, otherwise, statistic, stats.chi2.isf(alpha, lags))
+    if_significant = "the residual is not white noise: its successive values are correlated"
+    if_not = "successive values of the residual are not correlated, as in white noise"
+    return Tested.of("whiteness", sensor, if_significant, if_not, statistic, stats.chi2.isf(alpha, lags))
 
 
 def autocorrelation_time_s(series: Array, step_s: float) -> float:
@@ -43,12 +43,12 @@ def autocorrelation_time_s(series: Array, step_s: float) -> float:
     return float(step_s * (lag - (_ONE_OVER_E - rho[lag]) / (rho[lag - 1] - rho[lag])))
 
 
-def memory(series: Array, sensor: str, step_s: float) -> Tested:
+def autocorrelation_test(series: Array, sensor: str, step_s: float) -> Tested:
     """Whether the autocorrelation time of ``series`` (n,) is longer than a step."""
     time_s = autocorrelation_time_s(series, step_s)
-    said = f"the residual is autocorrelated over about {duration(time_s)}: something slow is missing"
-    otherwise = f"the residual is not autocorrelated beyond one sample of {duration(step_s)}"
-    return Tested.of("memory", sensor, said, otherwise, time_s, step_s)
+    if_significant = f"the residual is autocorrelated over about {duration(time_s)}: something slow is missing"
+    if_not = f"the residual is not autocorrelated beyond one sample of {duration(step_s)}"
+    return Tested.of("memory", sensor, if_significant, if_not, time_s, step_s)
 
 
 def cumulated_periodogram(series: Array, sensor: str, step_s: float, alpha: float) -> Tested:
@@ -63,8 +63,8 @@ def cumulated_periodogram(series: Array, sensor: str, step_s: float, alpha: floa
     cumulated = np.cumsum(power)[:-1] / power.sum()
     found, threshold = stats.ks_1samp(cumulated, stats.uniform.cdf), stats.kstwo.isf(alpha, len(cumulated))
     half = int(np.searchsorted(cumulated, 0.5)) + 1
-    swings = f"{'slower' if found.statistic_sign < 0 else 'faster'} than {duration(len(series) * step_s / half)}"
+    periods = f"{'longer' if found.statistic_sign < 0 else 'shorter'} than {duration(len(series) * step_s / half)}"
     usual = share(half / (len(cumulated) + 1))
-    said = f"half of the residual's power is in swings {swings}; of white noise {usual} would be"
-    otherwise = "slow and fast swings share the residual's power evenly, as in white noise"
-    return Tested.of("periodogram", sensor, said, otherwise, found.statistic, threshold)
+    if_significant = f"half of the residual's power is at periods {periods}; for white noise it is {usual}"
+    if_not = "the residual's power is distributed evenly over all periods, as in white noise"
+    return Tested.of("periodogram", sensor, if_significant, if_not, found.statistic, threshold)

@@ -35,7 +35,7 @@ _EVERY = 3
 _MOST_EVALUATIONS = 60
 
 
-class Record(NamedTuple):
+class PlantRecord(NamedTuple):
     """A stretch of the log on a uniform grid, without gaps: sensors (m, N), the others (N,).
 
     ``work`` is the signal that separates work from idling.
@@ -47,9 +47,9 @@ class Record(NamedTuple):
     shared_W: Array
     work: Array
 
-    def every(self, stride: int) -> Record:
+    def every(self, stride: int) -> PlantRecord:
         """Each ``stride``-th sample."""
-        return Record(*(each[..., ::stride] for each in self))
+        return PlantRecord(*(each[..., ::stride] for each in self))
 
 
 class Plant:
@@ -88,7 +88,7 @@ class Plant:
                 extra[surfaces] = -self.to_ambient_W_K[surfaces, None] * rise * (bent - 1)
         return np.vstack([lagged(nodes[n], lag, period_s) for n, lag in self.sensors])
 
-    def misfits(self, records: Sequence[Record], period_s: float, passes: int = _PASSES) -> list[Array]:
+    def misfits(self, records: Sequence[PlantRecord], period_s: float, passes: int = _PASSES) -> list[Array]:
         """Per record the sensors minus the simulated ones, (m, N)."""
         heats = [self.heat_W(each.measured_W, each.shared_W) for each in records]
         simulated = (self.readings_degC(r.ambient_degC, W, period_s, passes) for r, W in zip(records, heats))
@@ -138,7 +138,7 @@ class Forward:
         """The circuit at ``x``."""
         return Plant(self.recipe, self.circuit, self.values(x))
 
-    def fit(self, records: Sequence[Record], period_s: float, show: Callable[[int, float], None]) -> ForwardFit:
+    def fit(self, records: Sequence[PlantRecord], period_s: float, show: Callable[[int, float], None]) -> ForwardFit:
         """Fit the circuit to ``records``; ``show`` is called with the evaluations and the sum of squares."""
         trust = np.array([sensor.trust_degC for sensor in self.recipe.sensors.values()])[:, None]
         kept = sum(len(each.ambient_degC[::_EVERY]) for each in records)

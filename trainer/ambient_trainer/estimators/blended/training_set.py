@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 
 from ambient_model.faults import refuse
 from ambient_trainer.data import Array, Segment, rounded
-from ambient_trainer.estimators.blended.forward import Plant, Record
+from ambient_trainer.estimators.blended.forward import Plant, PlantRecord
 from ambient_trainer.estimators.blended.recipe import IDLE, LOGGED, RESIDUAL, Recipe, Synthetic, Work
 from ambient_trainer.lti.lag import low_pass
 
@@ -51,8 +51,8 @@ def fit_ambient(ambients_degC: Sequence[Array], period_s: float, source: str) ->
     calm = calm - calm.mean()
     swing_period_s, swing, rest = _strongest(calm, period_s)
     slope_K_s = float(np.percentile(steps, _STEEP_PERCENT)) / (minute * period_s)
-    memory = float(np.clip(float(rest[1:] @ rest[:-1]) / max(float(rest @ rest), 1e-12), 0.0, 0.999))
-    return AmbientModel(slope_K_s, swing, swing_period_s, float(rest.std()), memory, period_s)
+    autoregression = float(np.clip(float(rest[1:] @ rest[:-1]) / max(float(rest @ rest), 1e-12), 0.0, 0.999))
+    return AmbientModel(slope_K_s, swing, swing_period_s, float(rest.std()), autoregression, period_s)
 
 
 def synthetic_ambient(ambient: AmbientModel, rule: Synthetic, count: int, random: np.random.Generator) -> Array:
@@ -108,7 +108,7 @@ class Workload(NamedTuple):
     episodes_W: tuple[Array, ...]
 
 
-def fit_workload(records: Sequence[Record], work: Work, source: str) -> Workload:
+def fit_workload(records: Sequence[PlantRecord], work: Work, source: str) -> Workload:
     """The heat of idling and of each stretch of work; raises :class:`Refused` where one of them is missing."""
     episodes, idle = [], []
     for record in records:
@@ -155,7 +155,7 @@ class TrainingSetDesign:
     steps_degC: tuple[float, ...]
     draw: int = 0
 
-    def runs(self, records: Sequence[Record]) -> dict[str, list[Segment]]:
+    def runs(self, records: Sequence[PlantRecord]) -> dict[str, list[Segment]]:
         """Every run of the recipe, ``records`` being the log at the filter's period."""
         idle, unlogged = self.recipe.made_up.idle, self.recipe.unlogged
         coarse = [each.every(self.coarser) for each in records]

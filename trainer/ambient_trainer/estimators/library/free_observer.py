@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import gmean
 
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation import FreeFilter, Progress, Run, SearchResult, search, weighted_filter
+from ambient_trainer.estimation import FreeFilter, MultistartResult, Progress, WeightedRun, search, weighted_filter
 from ambient_trainer.estimation.error_variance import Moment
 from ambient_trainer.estimation.validation import held_out
 from ambient_trainer.estimators.base import Effort, Estimator, Fit, Training, require_enough
@@ -104,7 +104,7 @@ def constrained(
     """
     known = np.concatenate([each.outputs[0] for each in logged])
     known = known[~np.isnan(known)]
-    root, runs = float(np.sqrt(len(known))), [Run(each, 1.0, True) for each in logged]
+    root, runs = float(np.sqrt(len(known))), [WeightedRun(each, 1.0, True) for each in logged]
     # what is exported has them exactly: what they lack here would move the estimate by as much of the readings' level
     demanded = _HELD * float(np.linalg.norm([np.linalg.norm(each.inputs) for each in logged])) * unit_gain
     return weighted_filter(order, runs, demanded, noise_degC * root, offset_degC * root)
@@ -150,7 +150,7 @@ class _Selection:
     def __init__(self, segments: Sequence[Segment], effort: Effort, progress: Progress | None) -> None:
         self.segments, self.effort, self.progress = segments, effort, progress
         self.tried: dict[Choice, list[Moment]] = {}
-        self.whole: dict[tuple[bool, int], SearchResult] = {}
+        self.whole: dict[tuple[bool, int], MultistartResult] = {}
 
     def run(self) -> Choice | None:
         """What is selected of all that was tried; None where that was cancelled."""

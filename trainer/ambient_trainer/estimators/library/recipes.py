@@ -23,9 +23,9 @@ from ambient_model.model import Term
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data import Array, Segment, Trace, resolution_of, segments
-from ambient_trainer.estimation import FreeFilter, Progress, Run, Unknowns, search, weighted_filter
+from ambient_trainer.estimation import FreeFilter, Progress, Unknowns, WeightedRun, search, weighted_filter
 from ambient_trainer.estimation.error_variance import Moment, fit_error_variance, half_widths
-from ambient_trainer.estimation.uncertainty import residual_memory
+from ambient_trainer.estimation.uncertainty import autocorrelation_time
 from ambient_trainer.estimators.base import (
     Effort,
     Estimator,
@@ -36,7 +36,7 @@ from ambient_trainer.estimators.base import (
     slowest_period_s,
     source_of,
 )
-from ambient_trainer.estimators.blended.forward import Forward, ForwardFit, Record
+from ambient_trainer.estimators.blended.forward import Forward, ForwardFit, PlantRecord
 from ambient_trainer.estimators.blended.recipe import LOGGED, RESIDUAL, FilterRules, Recipe, find_recipe, recipe_names
 from ambient_trainer.estimators.blended.training_set import TrainingSet, TrainingSetDesign, fit_ambient, fit_workload
 from ambient_trainer.estimators.estimate import Blended, blended
@@ -119,14 +119,14 @@ class RecipeEstimator(Estimator):
         return _assembled(recipe, replace(fit, error_variance=variance), fitted, log.segments)
 
 
-def record_of(recipe: Recipe, rows: Mapping[str, Array]) -> Record:
+def record_of(recipe: Recipe, rows: Mapping[str, Array]) -> PlantRecord:
     """What the recipe makes of trace columns (N,)."""
     measured, shared = (
         np.sum([watts * rows[column] for column, watts in each.items()], axis=0)
         for each in (recipe.heat.measured.watts, recipe.heat.shared.watts)
     )
     sensors = np.vstack([rows[column] for column in recipe.sensor_columns])
-    return Record(sensors, rows[REFERENCE], measured, shared, rows[recipe.work.signal])
+    return PlantRecord(sensors, rows[REFERENCE], measured, shared, rows[recipe.work.signal])
 
 
 def _assembled(recipe: Recipe, fit: Fit, circuit: ForwardFit, logged: Sequence[Segment]) -> Fit:
@@ -147,7 +147,7 @@ def _assembled(recipe: Recipe, fit: Fit, circuit: ForwardFit, logged: Sequence[S
         errors_degC=(errors,),
         rmse_degC=rmse_degC,
         start_rmses_degC=(rmse_degC,),
-        residual_memory_samples=residual_memory(errors),
+        residual_memory_samples=autocorrelation_time(errors),
         converged=circuit.converged and all(each.converged for each in members) and not fit.stopped,
         evaluations=circuit.evaluations + sum(each.evaluations for each in members),
         details={
@@ -212,7 +212,7 @@ def recipe_filter(runs: TrainingSet, counts: Mapping[str, float], rules: FilterR
             target[:, ::stride] = run.outputs[:, ::stride]
             weight = math.sqrt(count / len(runs[name]) / len(target[0, ::stride]))
             # the circuit's residuals know nothing of the filter's offset
-            weighted.append(Run(replace(run, outputs=target), weight, name != RESIDUAL))
+            weighted.append(WeightedRun(replace(run, outputs=target), weight, name != RESIDUAL))
     unit_gain, noise = math.sqrt(rules.one_degree), math.sqrt(rules.noise)
     found = weighted_filter(_STATES, weighted, unit_gain, noise, rules.offset_degC)
     slow, fast = sorted(rules.slow.time_constants_s), rules.fast

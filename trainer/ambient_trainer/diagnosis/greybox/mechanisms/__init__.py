@@ -1,4 +1,4 @@
-"""Mechanisms that a circuit may lack: one file each, found by their place; each gives its candidates for a scene.
+"""Mechanisms that a circuit may lack, one file each, found by place; each generates its candidates for a context.
 
 How one begins follows from its numbers. Amounts are tried a small step from nothing and begin where a linear fit has
 them; of a conductance, which is never nothing, a small share is tried, and it begins with another.

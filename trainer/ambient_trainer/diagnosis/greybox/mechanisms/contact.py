@@ -1,13 +1,13 @@
-"""A body of its own temperature holds on to a node for a while: a hand, a table, a pocket."""
+"""Contact of a node with a body at its own temperature for some time: a hand, a table, a pocket."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.mechanisms import Joined
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
 
 _BODY_DEGC, _BODY_SD_K = 33.0, 5.0
@@ -19,25 +19,25 @@ class Contact(Joined):
     """A conductance to a body, and the body's temperature, within a window."""
 
     cause = "contact"
-    noun = "the contact with a body of its own temperature"
+    noun = "contact with an external body"
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         conductance = values[:, :1, None] * self.weight(record)
         network.vary([network.index(self.places[0])], conductance, values[:, 1:2, None])
 
 
-def begun(scene: Scene) -> Iterator[Mechanism]:
+def begun(context: Context) -> Iterator[Mechanism]:
     """A contact of each node: between a warm body and cold air heat changes its sign, so its window is its own."""
-    return (_contact(scene, each) for each in scene.nodes)
+    return (_contact(context, each) for each in context.nodes)
 
 
-def beside(scene: Scene, placed: Mechanism) -> Iterator[Mechanism]:
+def beside(context: Context, placed: Mechanism) -> Iterator[Mechanism]:
     """A contact in the window in which heat into one node explains something."""
     if len(placed.places) == 1 and placed.cause == "heat_source":
-        yield replace(_contact(scene, placed.places[0]), onset_s=placed.onset_s, end_s=placed.end_s)
+        yield replace(_contact(context, placed.places[0]), onset_s=placed.onset_s, end_s=placed.end_s)
 
 
-def _contact(scene: Scene, node: str) -> Contact:
-    conductance = Number(f"G_{node}_body", "W/K", scene.conductance(node), log=True)
+def _contact(context: Context, node: str) -> Contact:
+    conductance = Number(f"G_{node}_body", "W/K", context.conductance(node), log=True)
     body = Number(f"body_{node}", "degC", _BODY_DEGC, low=-60.0, high=150.0, prior_sd=_BODY_SD_K)
     return Contact((node,), (conductance, body))

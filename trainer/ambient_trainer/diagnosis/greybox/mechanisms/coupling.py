@@ -1,4 +1,4 @@
-"""The conductance to the ambient follows a driver: G_i (1 + c w(t)); by the ambient itself it is a law of the loss."""
+"""Loss to the ambient that follows a driver: G_i (1 + c w(t)); with the ambient as driver, a law of convection."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.context import HUMIDITY, WORK, Context, is_flow
 from ambient_trainer.diagnosis.greybox.expression import Expression, words_in
 from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.mechanisms.exponent import Exponent
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import moves_air
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.scene import HUMIDITY, WORK, Scene, is_flow
 from ambient_trainer.diagnosis.record import Record
 
 _LEAST = 0.03
@@ -38,7 +38,7 @@ class Coupling(InProportion):
     """A relative change of the loss; one number for all places, or one of each."""
 
     cause = "ambient_coupling"
-    noun = "a changed resistance to the ambient"
+    noun = "a changed thermal resistance to the ambient"
     step = 0.02
 
     @property
@@ -46,7 +46,7 @@ class Coupling(InProportion):
         return 3.0 * (self.driver is not None and bool(_ELECTRIC.search(self.driver.text)))
 
     @property
-    def doubtful(self) -> bool:
+    def ambiguous(self) -> bool:
         words = words_in(*self.driver.columns) if self.driver else set()
         return bool(HUMIDITY & words) and "absolute" not in words
 
@@ -95,45 +95,45 @@ class ZoneLoss(Coupling):
     structural = True
 
 
-def windowed(scene: Scene) -> Iterator[Mechanism]:
+def windowed(context: Context) -> Iterator[Mechanism]:
     """A change of the loss of each node, and of all, that nothing logged shows."""
-    joined = [each for each in scene.nodes if scene.loss(each) > 0]
-    for places in scene.groups(joined):
+    joined = [each for each in context.nodes if context.loss(each) > 0]
+    for places in context.groups(joined):
         change = Number("change", "1", 0.0, low=-_MOST_LESS, high=_MOST_MORE)
         yield Coupling(places, (change,))
 
 
-def candidates(scene: Scene) -> Iterator[Mechanism]:
+def candidates(context: Context) -> Iterator[Mechanism]:
     """Every node that is joined to the ambient, and all of them, by every driver, and by where the ambient stands."""
-    joined = [each for each in scene.nodes if scene.loss(each) > 0]
-    for places in scene.groups(joined):
-        for driver in scene.drivers:
+    joined = [each for each in context.nodes if context.loss(each) > 0]
+    for places in context.groups(joined):
+        for driver in context.drivers:
             if not driver.text.startswith("d(") and "*" not in driver.text:
-                yield _coupling(Coupling, scene, places, driver)
+                yield _coupling(Coupling, context, places, driver)
                 if len(places) > 1:
-                    yield _coupling(Coupling, scene, places, driver, shared=True)
-    airy = [each for each in scene.hidden_nodes if scene.loss(each) > 0]
-    for places in [*scene.groups(joined), *(scene.groups(airy) if airy else [])]:
-        for driver in scene.ambient_zones:
-            yield _coupling(ZoneLoss, scene, places, driver)
+                    yield _coupling(Coupling, context, places, driver, shared=True)
+    airy = [each for each in context.hidden_nodes if context.loss(each) > 0]
+    for places in [*context.groups(joined), *(context.groups(airy) if airy else [])]:
+        for driver in context.ambient_zones:
+            yield _coupling(ZoneLoss, context, places, driver)
 
 
 def _coupling(
-    kind: type[Coupling], scene: Scene, places: tuple[str, ...], driver: Expression, shared: bool = False
+    kind: type[Coupling], context: Context, places: tuple[str, ...], driver: Expression, shared: bool = False
 ) -> Coupling:
-    scale = 1.0 / scene.size(driver)
+    scale = 1.0 / context.size(driver)
     names = ["change"] if shared else [f"change_{each}" for each in places]
-    least, most = scene.extent(driver)
+    least, most = context.extent(driver)
     more = _SWEPT if is_flow(driver.columns[0]) else _MOST_MORE
-    less = _HARDLY_LESS if least > -_AT_NIGHT * most and _only_raises(scene, driver) else _MOST_LESS
+    less = _HARDLY_LESS if least > -_AT_NIGHT * most and _only_raises(context, driver) else _MOST_LESS
     low = max(-less / most if most > 0 else -np.inf, more / least if least < 0 else -np.inf)
     high = min(more / most if most > 0 else np.inf, -_MOST_LESS / least if least < 0 else np.inf)
     number = Number("", driver.per("1"), 0.0, scale=scale, low=low, high=high)
     return kind(places, tuple(replace(number, name=each) for each in names), driver)
 
 
-def _only_raises(scene: Scene, driver: Expression) -> bool:
+def _only_raises(context: Context, driver: Expression) -> bool:
     """Whether what a driver says heats, or moves air."""
     column = driver.columns[0]
-    does = scene.warms(driver) or moves_air(column) or not WORK.isdisjoint(words_in(column))
+    does = context.warms(driver) or moves_air(column) or not WORK.isdisjoint(words_in(column))
     return does or column.endswith(_GOES_WITH_HEAT)

@@ -1,4 +1,4 @@
-"""The loss grows with a power of the difference: G |d/d0|^p d, as in free convection (p about 0.25) or radiation."""
+"""Nonlinear loss to the ambient: G |d/d0|^p d, as in free convection (p about 0.25) or radiation."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,10 +7,10 @@ import numpy as np
 
 from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
 
 _STEEPEST = 3.0
@@ -24,7 +24,7 @@ class Exponent(InProportion):
     typical_degC: tuple[float, ...] = ()
 
     cause = "convection_law"
-    noun = "a loss that is not proportional to the difference to the ambient"
+    noun = "a heat loss not proportional to the difference to the ambient"
     step = 0.02
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
@@ -43,7 +43,7 @@ class ChangedExponent(Exponent):
     assumes: float = 2.0
     """A loss changes more often than its law does, and a law holds for all that see the same air."""
 
-    shaped = True
+    multistart = True
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         exponent, same_at = (np.repeat(each[:, None], len(self.places), axis=1) for each in values.T)
@@ -53,27 +53,27 @@ class ChangedExponent(Exponent):
         return number.low / 2, number.high / 2
 
 
-def changed(scene: Scene) -> Iterator[Mechanism]:
+def changed(context: Context) -> Iterator[Mechanism]:
     """A law that is another than it was, at each node and at all."""
-    every = _unchanged(scene)
-    for places in scene.groups(every):
+    every = _unchanged(context)
+    for places in context.groups(every):
         assumes = 2.0 + (len(places) < len(every))
         for typical in (0.3, 1.0, 3.0):
-            size = typical * float(np.mean([scene.difference_degC(each) for each in places]))
+            size = typical * float(np.mean([context.difference_degC(each) for each in places]))
             same = Number("same_at", "K", size, log=True, low=0.1, high=200.0)
             yield ChangedExponent(places, (Number("exponent", "1", 0.0, low=-0.5, high=1.2), same), assumes=assumes)
 
 
-def candidates(scene: Scene) -> Iterator[Mechanism]:
+def candidates(context: Context) -> Iterator[Mechanism]:
     """Every node that is joined to the ambient, and all of them."""
-    for places in scene.groups(_unchanged(scene)):
+    for places in context.groups(_unchanged(context)):
         numbers = tuple(Number(f"exponent_{each}", "1", 0.0, low=-0.5, high=_STEEPEST) for each in places)
-        yield Exponent(places, numbers, typical_degC=tuple(scene.difference_degC(each) for each in places))
+        yield Exponent(places, numbers, typical_degC=tuple(context.difference_degC(each) for each in places))
 
 
-def _unchanged(scene: Scene) -> list[str]:
+def _unchanged(context: Context) -> list[str]:
     """Nodes with a loss to the ambient of which nothing else is known: what changes it hides its law."""
     changed = {
-        place for held in scene.fitted.model.mechanisms if held.cause == "ambient_coupling" for place in held.places
+        place for held in context.fitted.model.mechanisms if held.cause == "ambient_coupling" for place in held.places
     }
-    return [each for each in scene.nodes if scene.loss(each) > 0 and each not in changed]
+    return [each for each in context.nodes if context.loss(each) > 0 and each not in changed]

@@ -1,4 +1,4 @@
-"""Heat into nodes, proportional to a driver, or constant."""
+"""Heat sources at nodes, proportional to a driver, or constant."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -8,11 +8,11 @@ import numpy as np
 from ambient_trainer.circuits.addition import with_source
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.context import HUMIDITY, PRESSURES, THERMOELECTRIC, WORK, Context
 from ambient_trainer.diagnosis.greybox.expression import Expression, words_in
 from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.scene import HUMIDITY, PRESSURES, THERMOELECTRIC, WORK, Scene
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.report.words import share
 
@@ -34,7 +34,7 @@ class Heat(InProportion):
     only: bool = False
 
     cause = "heat_source"
-    noun = "heat that the circuit does not know"
+    noun = "an unmodelled heat source"
     from_nothing = by_place = True
 
     @property
@@ -59,7 +59,7 @@ class Heat(InProportion):
         return self.tuned
 
     @property
-    def doubtful(self) -> bool:
+    def ambiguous(self) -> bool:
         # a heater's rate stands for heat that comes late, or for a body of its own; a flow for what it brings, or for
         # what is switched with it: a measured heat pump's compressor; work that cools for something that it goes with
         driver = self.driver
@@ -117,10 +117,10 @@ class HeatInTheCold(Heat):
         return f"growing {'in the cold' if growth > 0 else 'with the temperature'} by {share(abs(growth))} per K"
 
 
-def windowed(scene: Scene) -> Iterator[Mechanism]:
+def windowed(context: Context) -> Iterator[Mechanism]:
     """Heat into each node, and into all, that nothing logged shows; what known-good records do not show is at one."""
-    groups = scene.groups(scene.nodes)
-    return (_heat(scene, each, None) for each in groups if len(each) == 1 or not scene.records[0].known_good)
+    groups = context.groups(context.nodes)
+    return (_heat(context, each, None) for each in groups if len(each) == 1 or not context.records[0].known_good)
 
 
 def _heating(drivers: Iterable[Expression]) -> list[Expression]:
@@ -137,26 +137,26 @@ def _a_state(driver: Expression) -> bool:
     return state and not driver.text.startswith("d(")
 
 
-def candidates(scene: Scene) -> Iterator[Mechanism]:
+def candidates(context: Context) -> Iterator[Mechanism]:
     """Every node, and all that have sensors together, by every driver and by none."""
-    drivers = _heating(scene.drivers)
-    for places in scene.groups(scene.nodes):
-        yield replace(_heat(scene, places, None), only=not drivers)
+    drivers = _heating(context.drivers)
+    for places in context.groups(context.nodes):
+        yield replace(_heat(context, places, None), only=not drivers)
         for driver in drivers:
-            yield (plain := _heat(scene, places, driver))
+            yield (plain := _heat(context, places, driver))
             if driver.text.endswith("_A^2") and len(places) == 1:
                 name, most = f"growth_{places[0]}", _MOST_PER_K
                 growth = Number(name, "1/K", 0.0, scale=most, low=_LEAST_PER_K, high=most)
                 yield HeatInTheCold(places, (*plain.numbers, growth), driver)
     # the rate of what heats a slow body is what heats a fast one
     steady = [each for each in drivers if not each.text.startswith("d(")]
-    for nodes, some in ((scene.nodes, _heating(scene.tuned_drivers)), (scene.hidden_nodes, steady)):
-        yield from (_heat(scene, (node,), driver) for node in nodes for driver in some)
+    for nodes, some in ((context.nodes, _heating(context.tuned_drivers)), (context.hidden_nodes, steady)):
+        yield from (_heat(context, (node,), driver) for node in nodes for driver in some)
 
 
-def _heat(scene: Scene, places: tuple[str, ...], driver: Expression | None) -> Heat:
-    size = 1.0 if driver is None else scene.size(driver)
-    low = 0.0 if driver is not None and scene.warms(driver) else -np.inf
+def _heat(context: Context, places: tuple[str, ...], driver: Expression | None) -> Heat:
+    size = 1.0 if driver is None else context.size(driver)
+    low = 0.0 if driver is not None and context.warms(driver) else -np.inf
     unit = "W" if driver is None else driver.per("W")
-    numbers = tuple(Number(f"heat_{each}", unit, 0.0, scale=scene.conductance(each) / size, low=low) for each in places)
+    numbers = tuple(Number(f"heat_{at}", unit, 0.0, scale=context.conductance(at) / size, low=low) for at in places)
     return Heat(places, numbers, driver)

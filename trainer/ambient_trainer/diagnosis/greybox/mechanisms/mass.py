@@ -1,4 +1,4 @@
-"""A thermal mass of its own behind a node, which may see the ambient, too."""
+"""Hidden thermal mass behind a node, optionally with a loss to the ambient."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -8,9 +8,9 @@ import numpy as np
 from ambient_trainer.circuits.addition import with_body, with_edge
 from ambient_trainer.circuits.circuit import AMBIENT, Circuit
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number, unused
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
 
 _PROBE = 1e-3
@@ -29,12 +29,12 @@ class HiddenMass(Mechanism):
     sees_ambient: bool = False
 
     cause = "thermal_mass"
-    noun = "a thermal mass that the circuit lacks"
-    adds_nodes = shaped = True
+    noun = "an unmodelled thermal mass"
+    adds_nodes = multistart = True
 
     @property
     def structural(self) -> bool:
-        return self.lasts or self.sees_ambient or len(self.places) > 1
+        return self.permanent or self.sees_ambient or len(self.places) > 1
 
     @property
     def assumes(self) -> float:
@@ -42,13 +42,13 @@ class HiddenMass(Mechanism):
         return float(len(self.places) * self._slower(_STAYS))
 
     @property
-    def doubtful(self) -> bool:
+    def ambiguous(self) -> bool:
         return self._slower(_HARDLY_MOVES)
 
     def _slower(self, share: float) -> bool:
         """Whether one of the bodies has more than a share of the longest time constant."""
         lags = self.numbers[1 :: 2 + self.sees_ambient]
-        return self.lasts and any(each.value > share * each.high for each in lags)
+        return self.permanent and any(each.value > share * each.high for each in lags)
 
     @property
     def _values(self) -> Array:
@@ -56,7 +56,7 @@ class HiddenMass(Mechanism):
         return np.array([each.value for each in self.numbers]).reshape(len(self.places), 2 + self.sees_ambient)
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
-        weight = None if self.lasts else self.weight(record)
+        weight = None if self.permanent else self.weight(record)
         by_place = values.T.reshape(len(self.places), 2 + self.sees_ambient, -1)
         for place, (conductance, lag, *to_air) in zip(self.places, by_place):
             body = unused(network, f"{place}_mass")
@@ -94,10 +94,10 @@ class HiddenMass(Mechanism):
     def slow(self) -> bool:
         # one that is put there for a while has a bound of its own
         lag = self.numbers[1]
-        return self.lasts and bool(lag.value > lag.high / _SLOWEST)
+        return self.permanent and bool(lag.value > lag.high / _SLOWEST)
 
     def sentence_tail(self) -> str:
-        return "slower than the record: a constant temperature does the same" * self.slow
+        return "slower than the record: a constant temperature has the same effect" * self.slow
 
     def product(self) -> tuple[str, str, tuple[int, int]] | None:
         if self.slow:
@@ -109,31 +109,31 @@ class HiddenMass(Mechanism):
         return f"conductance between {place} and the mass behind {place}"
 
 
-def candidates(scene: Scene) -> Iterator[Mechanism]:
+def candidates(context: Context) -> Iterator[Mechanism]:
     """Behind every node, and behind all, with time constants from a few samples to half the record."""
-    lags = np.geomspace(3 * scene.period_s, scene.longest_s / 6, _LAGS)
-    for places in (*scene.groups(scene.nodes), *((each,) for each in scene.hidden_nodes)):
+    lags = np.geomspace(3 * context.period_s, context.longest_s / 6, _LAGS)
+    for places in (*context.groups(context.nodes), *((each,) for each in context.hidden_nodes)):
         for lag in lags:
-            yield _mass(scene, places, float(lag), sees_ambient=False)
-            if places[0] in scene.nodes and all(scene.loss(each) > 0 for each in places):
-                yield _mass(scene, places, float(lag), sees_ambient=True)
+            yield _mass(context, places, float(lag), sees_ambient=False)
+            if places[0] in context.nodes and all(context.loss(each) > 0 for each in places):
+                yield _mass(context, places, float(lag), sees_ambient=True)
 
 
-def begun(scene: Scene) -> Iterator[Mechanism]:
+def begun(context: Context) -> Iterator[Mechanism]:
     """A body that is put to a node, and may be taken away; one that is slower than the record is a loss."""
-    for node in scene.nodes:
-        for lag in np.geomspace(10 * scene.period_s, scene.longest_s / 12, 3):
-            mass = _mass(scene, (node,), float(lag), sees_ambient=False)
+    for node in context.nodes:
+        for lag in np.geomspace(10 * context.period_s, context.longest_s / 12, 3):
+            mass = _mass(context, (node,), float(lag), sees_ambient=False)
             conductance, behind = mass.numbers
-            yield replace(mass, numbers=(conductance, replace(behind, high=scene.longest_s / 3, saturates=False)))
+            yield replace(mass, numbers=(conductance, replace(behind, high=context.longest_s / 3, saturates=False)))
 
 
-def _mass(scene: Scene, places: tuple[str, ...], lag_s: float, sees_ambient: bool) -> HiddenMass:
+def _mass(context: Context, places: tuple[str, ...], lag_s: float, sees_ambient: bool) -> HiddenMass:
     numbers: list[Number] = []
     for each in places:
-        conductance = scene.conductance(each)
+        conductance = context.conductance(each)
         joined = Number(f"G_{each}_mass", "W/K", conductance, log=True)
-        low, high = scene.period_s / 3, _SLOWEST * scene.longest_s
+        low, high = context.period_s / 3, _SLOWEST * context.longest_s
         lag = Number(f"lag_{each}_mass", "s", lag_s, True, low=low, high=high, saturates=True)
         airy = Number(f"G_{each}_mass_ambient", "W/K", conductance / 2, log=True)
         numbers += [joined, lag, airy][: 2 + sees_ambient]

@@ -1,5 +1,4 @@
-"""A path between two nodes that the circuit does not join, or from nodes to a logged temperature: G, or g w(t)
-where a logged flow w carries it."""
+"""Conduction path between two nodes, or from nodes to a logged temperature: G, or g w(t) with a logged flow w."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -10,11 +9,11 @@ import numpy as np
 from ambient_trainer.circuits.addition import with_edge
 from ambient_trainer.circuits.circuit import Circuit, Node
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.expression import Expression, words_in
 from ambient_trainer.diagnosis.greybox.mechanisms import Joined
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
 
 _PROBES = 1e-3, 1.0
@@ -32,12 +31,12 @@ class Path(Joined):
     probe: float = _PROBES[0]
 
     cause = "path"
-    noun = "a conduction path that the circuit lacks"
+    noun = "an unmodelled conduction path"
     least = 0.03
     by_place = True
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
-        weight = None if self.lasts and self.driver is None else self.weight(record)
+        weight = None if self.permanent and self.driver is None else self.weight(record)
         for (one, other), conductance in zip(self.pairs, values.T, strict=True):
             if other not in (*network.nodes, *network.boundaries):
                 network.add_boundary(other, record.signals[f"{other}_degC"])
@@ -49,12 +48,12 @@ class Path(Joined):
         return list(zip(self.ends[::2], self.ends[1::2]))
 
     @property
-    def responds(self) -> bool:
+    def endogenous(self) -> bool:
         return bool(self.logged) and not _is_given(self.ends[1])
 
     @property
-    def given(self) -> bool:
-        return bool(self.logged) and not self.responds
+    def exogenous(self) -> bool:
+        return bool(self.logged) and not self.endogenous
 
     def probes(self) -> Sequence[Sequence[float]]:
         # of several the others are as good as absent
@@ -87,37 +86,37 @@ def _is_given(name: str) -> bool:
     return not _GIVEN.isdisjoint(words_in(name))
 
 
-def candidates(scene: Scene) -> Iterator[Path]:
+def candidates(context: Context) -> Iterator[Path]:
     """Every pair of nodes that is not joined, and every node with every other logged temperature, and all with one that
     is given, by itself or carried by a logged flow."""
-    for index, one in enumerate(scene.nodes):
-        for other in scene.nodes[index + 1 :]:
-            if not scene.joined(one, other):
-                yield from _paths(scene, [(one, other)])
-    for other in scene.other_temperatures:
-        for driver in [None, *scene.flows]:
-            apart = [each for each in scene.nodes if driver is not None or not scene.joined(each, other)]
+    for index, one in enumerate(context.nodes):
+        for other in context.nodes[index + 1 :]:
+            if not context.joined(one, other):
+                yield from _paths(context, [(one, other)])
+    for other in context.other_temperatures:
+        for driver in [None, *context.flows]:
+            apart = [each for each in context.nodes if driver is not None or not context.joined(each, other)]
             # what answers to a node may answer to them all
-            groups = scene.groups(apart) if _is_given(other) else [(each,) for each in apart]
+            groups = context.groups(apart) if _is_given(other) else [(each,) for each in apart]
             for nodes in groups:
-                yield from _paths(scene, [(one, other) for one in nodes], driver, logged=(f"{other}_degC",))
+                yield from _paths(context, [(one, other) for one in nodes], driver, logged=(f"{other}_degC",))
 
 
 def _paths(
-    scene: Scene, pairs: Sequence[tuple[str, str]], driver: Expression | None = None, logged: tuple[str, ...] = ()
+    context: Context, pairs: list[tuple[str, str]], driver: Expression | None = None, logged: tuple[str, ...] = ()
 ) -> Iterator[Path]:
-    size, unit = (1.0, "W/K") if driver is None else (scene.size(driver), driver.per("W/K"))
+    size, unit = (1.0, "W/K") if driver is None else (context.size(driver), driver.per("W/K"))
     places, ends = tuple("-".join(each) for each in pairs), tuple(chain(*pairs))
-    numbers = tuple(Number(f"G_{one}_{other}", unit, scene.conductance(one) / size, log=True) for one, other in pairs)
+    numbers = tuple(Number(f"G_{one}_{other}", unit, context.conductance(one) / size, log=True) for one, other in pairs)
     return (Path(places, numbers, driver, ends=ends, logged=logged, probe=each) for each in _PROBES)
 
 
-def distinct(scene: Scene) -> list[Path]:
+def distinct(context: Context) -> list[Path]:
     """Each by itself once."""
-    alone = (each for each in candidates(scene) if each.driver is None and len(each.places) == 1)
+    alone = (each for each in candidates(context) if each.driver is None and len(each.places) == 1)
     return list({each.key: each for each in alone}.values())
 
 
-def begun(scene: Scene) -> Iterator[Mechanism]:
+def begun(context: Context) -> Iterator[Mechanism]:
     """The same for a while."""
-    return candidates(scene)
+    return candidates(context)

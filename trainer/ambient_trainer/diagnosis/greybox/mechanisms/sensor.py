@@ -1,4 +1,4 @@
-"""Faults of an instrument: offset, gain, lag and drift of a sensor, and a clock that is off."""
+"""Sensor faults: offset, gain, lag, drift and a stuck reading of a sensor, and a clock offset."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -7,10 +7,10 @@ import numpy as np
 
 from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.mechanisms import InProportion
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number, window
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.lti.lag import lagged
 
@@ -43,12 +43,16 @@ class _Fault(InProportion):
 
 @dataclass(frozen=True)
 class Bias(_Fault):
-    """It reads too much by a constant; ``sudden`` where it has to begin and end at once."""
+    """An offset; ``sudden`` where it has to begin and end with a step."""
 
     sudden: bool = False
 
     cause = "sensor_bias"
-    noun = "an offset of a sensor"
+    noun = "a sensor offset"
+
+    @property
+    def step_like(self) -> bool:
+        return self.sudden
 
     def error(self, own: Array, value: Array, record: Record) -> Array:
         return value
@@ -61,7 +65,7 @@ class Gain(_Fault):
     middle_degC: float = _RIGHT_DEGC
 
     cause = "sensor_gain"
-    noun = "a wrong gain of a sensor"
+    noun = "a sensor gain error"
 
     def error(self, own: Array, value: Array, record: Record) -> Array:
         return np.asarray(value * (own - self.middle_degC))
@@ -73,9 +77,9 @@ class Drift(_Fault):
 
     begin_s: float = 0.0
 
-    stops = False
+    may_end = False
     cause = "sensor_drift"
-    noun = "the drift of a sensor"
+    noun = "sensor drift"
 
     def error(self, own: Array, value: Array, record: Record) -> Array:
         begin_s = self.begin_s if self.onset_s is None else self.onset_s
@@ -87,7 +91,7 @@ class Lag(_Fault):
     """It follows with a lag."""
 
     cause = "sensor_lag"
-    noun = "the lag of a sensor"
+    noun = "sensor lag"
 
     def error(self, own: Array, value: Array, record: Record) -> Array:
         behind = [lagged(row, float(lag), record.period_s) if lag > 0 else row for row, lag in zip(own, value[:, 0])]
@@ -114,7 +118,7 @@ class Clock(_OfReference):
 
     cause = "clock_offset"
     noun = "a clock offset between the reference and the device"
-    instrument = of_reference = shaped = True
+    instrument = of_reference = multistart = True
 
     def ambient(self, logged: Array, off: float, period_s: float) -> Array:
         place = np.arange(len(logged), dtype=float)
@@ -126,7 +130,7 @@ class ReferenceLag(_OfReference):
     """The reference follows the ambient with a lag: T_ambient = T_reference + lag dT_reference/dt."""
 
     cause = "sensor_lag"
-    noun = "the lag of the reference"
+    noun = "lag of the reference"
     instrument = of_reference = True
 
     def ambient(self, logged: Array, off: float, period_s: float) -> Array:
@@ -143,7 +147,7 @@ class ReferenceBias(_OfReference):
     cause = "sensor_bias"
     noun = "an offset of the reference"
     assumes = 1.0
-    doubtful = structural = True
+    ambiguous = structural = True
 
     def ambient(self, logged: Array, off: float, period_s: float) -> Array:
         return logged - off
@@ -157,8 +161,8 @@ class Stuck(_Fault):
     """It reads the same whatever happens."""
 
     cause = "sensor_stuck"
-    noun = "a sensor that stands still"
-    evident = shaped = True
+    noun = "a stuck sensor"
+    visible_in_readings = multistart = True
 
     def error(self, own: Array, value: Array, record: Record) -> Array:
         return np.asarray(value - own)
@@ -170,53 +174,54 @@ class Stuck(_Fault):
         return self
 
 
-def alone(scene: Scene) -> Iterator[Mechanism]:
+def alone(context: Context) -> Iterator[Mechanism]:
     """Without known-good records: a reading that jumps and jumps back, or is off ever more from some time on."""
-    return (fault for each in scene.sensors for fault in (replace(_bias((each,)), sudden=True), _drift(scene, each)))
+    for each in context.sensors:
+        yield from (replace(_bias((each,)), sudden=True), _drift(context, each))
 
 
-def begun(scene: Scene) -> Iterator[Mechanism]:
+def begun(context: Context) -> Iterator[Mechanism]:
     """A sensor that had been good is off, has another gain, drifts or lags."""
-    return (each for sensor in scene.sensors for each in (_bias((sensor,)), *_slow_faults(scene, sensor)))
+    return (each for sensor in context.sensors for each in (_bias((sensor,)), *_slow_faults(context, sensor)))
 
 
 def _bias(sensors: tuple[str, ...]) -> Bias:
     return Bias(sensors, tuple(Number(f"bias_{each}", "degC", 0.0) for each in sensors))
 
 
-def _drift(scene: Scene, sensor: str) -> Mechanism:
-    number = Number(f"drift_{sensor}", "K/h", 0.0, scale=_HOUR_S / scene.duration_s)
-    return Drift((sensor,), (number,), begin_s=float(scene.records[0].time_s[0]))
+def _drift(context: Context, sensor: str) -> Mechanism:
+    number = Number(f"drift_{sensor}", "K/h", 0.0, scale=_HOUR_S / context.duration_s)
+    return Drift((sensor,), (number,), begin_s=float(context.records[0].time_s[0]))
 
 
-def _slow_faults(scene: Scene, sensor: str) -> Iterator[Mechanism]:
-    place, span_s = (sensor,), scene.duration_s
+def _slow_faults(context: Context, sensor: str) -> Iterator[Mechanism]:
+    place, span_s = (sensor,), context.duration_s
     gain = Number(f"gain_{sensor}", "1", 0.0, scale=0.01, low=-0.5, high=0.5)
     # without known-good records constant heat takes up what a wrong slope does at the mean
-    for middle_degC in (scene.mean_degC(sensor), *([_RIGHT_DEGC] if scene.records[0].known_good else [])):
+    for middle_degC in (context.mean_degC(sensor), *([_RIGHT_DEGC] if context.records[0].known_good else [])):
         yield Gain(place, (gain,), middle_degC=middle_degC)
-    yield _drift(scene, sensor)
+    yield _drift(context, sensor)
     # what a long lag does is not in proportion to what a short one does
-    for scale_s in (scene.period_s / 2, 5 * scene.period_s, 20 * scene.period_s):
+    for scale_s in (context.period_s / 2, 5 * context.period_s, 20 * context.period_s):
         yield Lag(place, (Number(f"lag_{sensor}", "s", 0.0, scale=scale_s, low=0.0, high=span_s / 20),))
 
 
-def candidates(scene: Scene) -> Iterator[Mechanism]:
+def candidates(context: Context) -> Iterator[Mechanism]:
     """Each fault at each sensor, offsets of all, which constant heat in all their nodes looks like, and the clock."""
-    for sensor in scene.sensors:
-        still = scene.still(sensor)
+    for sensor in context.sensors:
+        still = context.still(sensor)
         if still is not None:
             value, onset_s, end_s = still
             yield Stuck((sensor,), (Number(f"stuck_{sensor}", "degC", value),), None, onset_s, end_s)
-        yield from _slow_faults(scene, sensor)
-    for sensors in scene.groups(scene.sensors):
+        yield from _slow_faults(context, sensor)
+    for sensors in context.groups(context.sensors):
         yield _bias(sensors)
-    limit = scene.duration_s / 12
-    if scene.ambient_varies:
-        yield Clock((), (Number("clock", "s", 0.0, scale=scene.period_s / 2, low=-limit, high=limit),))
-        lag = Number("lag_ambient", "s", 0.0, scale=scene.period_s, low=0.0, high=3 * limit)
+    limit = context.duration_s / 12
+    if context.ambient_varies:
+        yield Clock((), (Number("clock", "s", 0.0, scale=context.period_s / 2, low=-limit, high=limit),))
+        lag = Number("lag_ambient", "s", 0.0, scale=context.period_s, low=0.0, high=3 * limit)
         yield ReferenceLag((AMBIENT,), (lag,))
         # at one node alone constant heat, and its own sensor's offset, do the same
-        if sum(scene.loss(each) > 0 for each in scene.nodes) > 1:
+        if sum(context.loss(each) > 0 for each in context.nodes) > 1:
             off = Number("bias_ambient", "degC", 0.0, low=-_MOST_OFF_DEGC, high=_MOST_OFF_DEGC)
             yield ReferenceBias((AMBIENT,), (off,))

@@ -1,4 +1,4 @@
-"""What candidates are made of: the fitted model, its places, and the drivers that the log offers."""
+"""Context from which candidates are generated: the fitted model, its places, and the drivers in the log."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -51,34 +51,34 @@ _OF_A_CURRENT = (*_CHARGES, "_V")
 
 
 @dataclass(frozen=True)
-class Scene:
+class Context:
     """The model as it is fitted, and ``nodes_degC`` (n, N) of every record."""
 
     fitted: Fitted
 
     @property
     def records(self) -> Sequence[Record]:
-        """What is diagnosed."""
+        """The records that are diagnosed."""
         return self.fitted.records
 
     @property
     def period_s(self) -> float:
-        """Of the grid."""
+        """Sampling period of the grid."""
         return self.records[0].period_s
 
     @property
     def duration_s(self) -> float:
-        """All records together."""
+        """Total duration of the records."""
         return sum(record.samples for record in self.records) * self.period_s
 
     @property
     def longest_s(self) -> float:
-        """The longest record."""
+        """Duration of the longest record."""
         return max(record.samples for record in self.records) * self.period_s
 
     @cached_property
     def network(self) -> Network:
-        """Of the first record, one lane."""
+        """Network of the first record, one lane."""
         return self.fitted.model.network(self.records[0], self.fitted.model.z()[None])
 
     @property
@@ -88,16 +88,16 @@ class Scene:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """By name."""
+        """Names of the sensors."""
         return self.network.sensors
 
     def groups(self, places: Sequence[str]) -> list[tuple[str, ...]]:
-        """Each place for itself, and all of them together."""
+        """Each place alone, and all places together."""
         alone: list[tuple[str, ...]] = [(each,) for each in places]
         return [*alone, tuple(places)] if len(places) > 1 else alone
 
     def conductance(self, node: str) -> float:
-        """Of all that is joined to a node, in W/K."""
+        """Sum of the conductances at a node, in W/K."""
         index = self.network.index(node)
         return float(self.network.between[0, index].sum() + self.network.to_boundary[0, index].sum())
 
@@ -128,7 +128,7 @@ class Scene:
 
     @cached_property
     def columns(self) -> list[str]:
-        """Logged columns that all records have and that vary; a power, or the sun, heats though it hardly does."""
+        """Logged columns of all records that vary; a power, or light, may be nearly constant."""
         return [name for name, row in self._logged.items() if _varies(row) or (name.endswith(WARMING) and row.all())]
 
     @cached_property
@@ -149,8 +149,8 @@ class Scene:
 
     @cached_property
     def tuned_drivers(self) -> list[Expression]:
-        """Columns that act later, by a delay as of a pipe or a lag as of a heater's own body, and those that act beyond
-        a level: no power does, nor a current, nor work."""
+        """Columns with a delay, as of a pipe, or a lag, as of a heater's own body; columns above a threshold, except
+        powers, currents and work."""
         plain = [each.text for each in self.drivers if each.columns == (each.text,)]
         shortest_s, longest_s = _SHORTEST_DELAY * self.period_s, min(_LONGEST_DELAY * self.longest_s, _LONGEST_DELAY_S)
         delays_s = np.geomspace(shortest_s, longest_s, 8) if shortest_s < longest_s else np.zeros(0)
@@ -166,8 +166,8 @@ class Scene:
         return self._usable(found)
 
     def repeats_s(self, name: str) -> float:
-        """Half the time after which a column does again what it did, as its autocorrelation has it: a controller's
-        swings delayed by more are those of another one."""
+        """Half the period of a column by its autocorrelation, infinite if it is not periodic: with a longer delay one
+        cycle is mistaken for another."""
         row = max((record.signals[name] for record in self.records), key=len)
         row = row - row.mean()
         alike = correlate(row, row, method="fft")[len(row) - 1 :] / max(float(row @ row), 1e-300)
@@ -176,7 +176,7 @@ class Scene:
 
     @property
     def flows(self) -> list[Expression]:
-        """Logged flows, which carry what a logged temperature is that of."""
+        """Logged flows, which carry a fluid whose temperature may be logged."""
         return [each for each in self.drivers if each.columns == (each.text,) and is_flow(each.text)]
 
     @cached_property
@@ -187,7 +187,7 @@ class Scene:
 
     @cached_property
     def hidden_nodes(self) -> list[str]:
-        """Nodes that mechanisms have added, joined all the time; nothing else acts on what melts."""
+        """Nodes added by permanent mechanisms, except those of a phase change."""
         melting = {self.network.nodes[body] for _, body, _ in self.network.phases}
         added = self.network.nodes[len(self.nodes) :]
         return [each for each in added if self.conductance(each) > 0 and each not in melting]
@@ -198,7 +198,7 @@ class Scene:
         return any(np.ptp(record.signals[REFERENCE]) > 1.0 for record in self.records if REFERENCE in record.signals)
 
     def _usable(self, texts: Sequence[str]) -> list[Expression]:
-        """The expressions that vary."""
+        """Those expressions that are finite and vary."""
         rows = [(each, self._row(each)) for each in map(Expression, dict.fromkeys(texts))]
         finite = [(each, row) for each, row in rows if np.isfinite(row).all()]
         return [each for each, row in finite if np.std(row) > 1e-9 * max(np.abs(row).max(), 1e-300)]
@@ -207,16 +207,16 @@ class Scene:
         return np.concatenate([driver.value(samples_of(record)) for record in self.records])
 
     def size(self, driver: Expression) -> float:
-        """The root mean square of a driver."""
+        """Root mean square of a driver."""
         return float(np.sqrt(np.mean(self._row(driver) ** 2)))
 
     def extent(self, driver: Expression) -> tuple[float, float]:
-        """The least and the most of a driver."""
+        """Minimum and maximum of a driver."""
         row = self._row(driver)
         return float(row.min()), float(row.max())
 
     def warms(self, driver: Expression) -> bool:
-        """Whether physics forbids that it cools: heaters, powers, light and squared currents, no cooler's."""
+        """Whether it can only heat: heaters, powers, light and squared currents, except those of a cooler."""
         text = driver.columns[0] if driver.level is not None else driver.text
         words = words_in(*driver.columns)
         # an ac conditions the air; an ac1 is one of several phases of an alternating current
@@ -235,7 +235,7 @@ class Scene:
 
     @cached_property
     def ambient_zones(self) -> list[Expression]:
-        """Thresholds of the ambient that part the records: at quartiles, and halfway between the extremes."""
+        """Thresholds of the ambient that divide the records: at a quarter, half and three quarters of its range."""
         air = np.concatenate([record.signals.get(REFERENCE, np.zeros(record.samples)) for record in self.records])
         if np.ptp(air) < 5.0:
             return []
@@ -244,7 +244,7 @@ class Scene:
         return [Expression(f"{REFERENCE} > {level:g}") for level in levels if level < air.max()]
 
     def difference_degC(self, node: str) -> float:
-        """The root mean square between a node and the ambient."""
+        """Root mean square difference of a node to the ambient."""
         index, apart = self.nodes.index(node), []
         for record, run in zip(self.records, self.fitted.runs):
             network = self.fitted.model.network(record, self.fitted.model.z()[None])
@@ -253,12 +253,12 @@ class Scene:
         return float(max(np.sqrt(np.mean(np.concatenate(apart) ** 2)), 0.1))
 
     def mean_degC(self, sensor: str) -> float:
-        """Of a sensor's readings."""
+        """Mean of a sensor's readings."""
         index = self.sensors.index(sensor)
         return float(np.nanmean(np.concatenate([record.sensors[index] for record in self.records])))
 
     def still(self, sensor: str) -> tuple[float, float | None, float | None] | None:
-        """What a sensor reads where it stands still while the simulation moves, and from when to when; None: never."""
+        """Reading of a stuck sensor, whose simulation varies, and its onset and end; None if it is never stuck."""
         longest = max(range(len(self.records)), key=lambda each: self.records[each].samples)
         record, number = self.records[longest], self.sensors.index(sensor)
         known = np.flatnonzero(np.isfinite(record.sensors[number]))
@@ -284,7 +284,7 @@ class Scene:
         return row[np.isfinite(row)]
 
     def plateaus_degC(self, node: str) -> list[float]:
-        """Where a sensor dwells for a third of the time: at 0 degC, and in one twentieth of its range."""
+        """Temperatures at which a sensor stays for a third of the time: 0 degC, and one twentieth of its range."""
         if self.network.index(node) not in self.network.reads:
             return []
         row = self._read(node)
