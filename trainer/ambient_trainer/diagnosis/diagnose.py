@@ -57,6 +57,8 @@ _SLOW_FRAC = 1.0 / 3.0
 """Share of the record's length; a slower mass is a boundary of unknown temperature."""
 _MAX_RISE_DEGC = 20.0
 """Maximum error of a logged room temperature."""
+_NEAR_AMBIENT_FRAC, _MIN_RATIO_FROM_REST = 0.1, 0.85
+"""Of the largest rise: how far from the ambient readings may begin, and what the least rise has to be then."""
 _MIN_RATIO = 0.5
 """Minimum ratio of the smallest to the largest temperature rise where a warmer room may explain both."""
 _MIN_JOINT_GAIN = 0.3
@@ -318,11 +320,16 @@ def _confounded(selection: Selection) -> bool:
         return False
     rises_degC = _rises_degC(first, final)
     largest = rises_degC[np.argmax(np.abs(rises_degC))]
-    # for a while a room warms, or cools, all that it holds alike
-    return bool(
-        abs(largest) < _MAX_RISE_DEGC
-        and (first.permanent or min(rises_degC * np.sign(largest)) > _MIN_RATIO * abs(largest))
-    )
+    # a room warms, or cools, all that it holds alike: all the more what began at its temperature
+    begins = _begins_at_ambient(final.records, _NEAR_AMBIENT_FRAC * abs(largest))
+    alike = min(rises_degC * np.sign(largest)) > (_MIN_RATIO_FROM_REST if begins else _MIN_RATIO) * abs(largest)
+    return bool(abs(largest) < _MAX_RISE_DEGC and (alike or (first.permanent and not begins)))
+
+
+def _begins_at_ambient(records: Sequence[Record], within_degC: float) -> bool:
+    """Whether all sensors read what the reference does at the beginning of every record."""
+    apart = [each.sensors[:, 0] - each.signals.get(REFERENCE, np.zeros(1))[0] for each in records]
+    return bool(np.abs(apart).max() < within_degC)
 
 
 def _rises_degC(heat: Mechanism, fitted: Fitted) -> Array:

@@ -129,14 +129,17 @@ def test_where_nothing_that_heats_is_logged_a_place_costs_a_number(pair, logged,
     assert cost["fast", "slow"] - cost["fast",] == pytest.approx(dearer)
 
 
-@pytest.mark.parametrize(("warm_K", "named"), [(40.0, "heat_source"), (8.0, "unknown")])
-def test_no_constant_reference_is_wrong_by_40_degC(circuit, warm_K, named):
-    """A board that warms from the room's temperature; of 8 K the room could be warmer than it was said to be."""
+@pytest.mark.parametrize(
+    ("warm_K", "named"),
+    [((40.0,), "heat_source"), ((8.0,), "unknown"), ((8.0, 5.0), "heat_source"), ((8.0, 7.6), "unknown")],
+)
+def test_a_room_is_not_wrong_by_40_degC_and_warms_all_alike(circuit, pair, warm_K, named):
+    """What begins at the room's temperature and warms by 8 K, or two alike: the room may be warmer than it was said."""
     time_s = 10.0 * np.arange(400)
-    draw = np.random.default_rng(3)
-    board = 21.0 + warm_K * -np.expm1(-time_s / 600.0) + draw.normal(0, 0.03, 400)
-    trace = Trace("board", time_s, {"board_degC": board, "ambient_degC": np.full(400, 21.0)})
-    assert diagnose(circuit, [trace]).verdict_cause.name == named
+    rise_K = np.outer(warm_K, -np.expm1(-time_s / 600.0)) + np.random.default_rng(3).normal(0, 0.03, (len(warm_K), 400))
+    names = ["fast_degC", "slow_degC"] if len(warm_K) > 1 else ["board_degC"]
+    trace = Trace("board", time_s, {**dict(zip(names, 21.0 + rise_K)), "ambient_degC": np.full(400, 21.0)})
+    assert diagnose(pair if len(warm_K) > 1 else circuit, [trace]).verdict_cause.name == named
 
 
 def test_where_one_of_several_places_shows_nothing_the_others_are_compared(pair):
