@@ -90,7 +90,7 @@ def test_a_wall_that_stays_as_it_is_is_a_slow_body(circuit, simulated, seed):
     trace = simulated(seed, heat_W=lambda _, degC: between_W_K * (wall_degC - degC))
     found, known = diagnose(circuit, [trace]), learn_known_good(circuit, [trace])
     mass = next(each for each in found.steps if each.cause.name == "thermal_mass")
-    assert "a constant temperature does the same" in mass.magnitude.qualifier, seed
+    assert "a constant temperature has the same effect" in mass.magnitude.qualifier, seed
     assert 0.5 < mass.confidence <= 0.6, seed
     assert not any(each.slow for each in known.model.mechanisms), f"takes up what changes later: {seed}"
 
