@@ -180,6 +180,8 @@ def test_a_reference_may_be_constant_in_one_of_several_traces_and_is_no_sensor(r
         temperature_columns([Trace("bare.csv", np.arange(5.0), {"ambient_degC": np.arange(5.0)})])
     with pytest.raises(Refused, match=r"ambient_degC: is what is to be estimated"):
         FreeFilterEstimator(1).fit([logged()], ONE, inputs=("board_degC", "ambient_degC"))
+    joined = FreeFilterEstimator(1).fit([_with(logged(), ambient_2=calm.time_s)], ONE)
+    assert (joined.inputs[2:], "ambient_2_degC" in joined.notes[-1]) == (("chip_degC",), True)
 
 
 def test_what_has_no_interval_is_named_where_nothing_is_confounded(rise, logged):

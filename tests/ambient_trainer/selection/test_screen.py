@@ -25,6 +25,8 @@ def test_good_zones_stay_and_one_that_a_trace_lacks_goes(small):
     del short.columns["chip_degC"]
     assert reasons(made_up(0), short) == {"chip_degC": "not in other.csv"}
     trace = made_up()
+    joined = replace(trace, columns={**trace.columns, "ambient_2_degC": trace.reference + 0.1})
+    assert list(reasons(joined)) == ["ambient_2_degC"]
     with pytest.raises(Refused, match="_degC"):
         screened([replace(trace, columns={"ambient_degC": trace.reference})])
 

@@ -126,7 +126,7 @@ def fit(
         A shipped circuit (``model2_ss``), an estimator (``free-1`` to ``free-4``, ``free_observer``,
         ``circuit_observer``, ``phone_observer``), or a YAML file of a circuit or a recipe.
     sensors : sequence of str, optional
-        What the estimators that read any sensors read; by default every temperature but the reference.
+        What the estimators that read any sensors read; by default every temperature but the references.
     from_s, to_s : float, optional
         Only samples with ``from_s <= time_s < to_s`` are used.
     period_s : float, optional

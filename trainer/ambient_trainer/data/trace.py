@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import os
+import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -69,6 +70,16 @@ class Trace:
             raise refuse(self.path, "", problem, "choose others")
         kept = {name: values[start:stop] for name, values in self.columns.items()}
         return replace(self, time_s=self.time_s[start:stop], columns=kept)
+
+
+def is_sensor(column: str) -> bool:
+    """Whether a column is a temperature but no reference: neither ambient_degC nor a joined one's, ambient_2_degC."""
+    return column.endswith("_degC") and not is_reference(column)
+
+
+def is_reference(column: str) -> bool:
+    """Whether a column holds the ambient, of this trace or of one that was joined to it."""
+    return re.fullmatch(r"ambient(_[0-9]+)?_degC", column) is not None
 
 
 def load_trace(source: str | os.PathLike[str] | pd.DataFrame) -> Trace:
