@@ -54,7 +54,10 @@ def command(
     save_trace(trace_out, trace)
     blocks: list[Any] = [
         Table("", ("trace", "samples", "rows left out", "shift", "95 %", "by"), list(map(_row, others, shifts))),
-        *[Finding(_sentence(*each)) for each in zip(others, shifts, moves_s)],
+        *[
+            Finding(_sentence(*each), "plain" if each[0].comparable else "warning")
+            for each in zip(others, shifts, moves_s)
+        ],
     ]
     data = {"samples": len(trace.time_s), "columns": list(trace.columns), "traces": [
         _data(*each) for each in zip([first, *others], [None, *shifts], [0.0, *moves_s])

@@ -4,6 +4,7 @@ import csv
 import io
 import itertools
 import os
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -27,6 +28,7 @@ _UNREADABLE = "they cannot be read"
 _UNWANTED = "the map's 'drop_rows' names them"
 _NOT_INCREASING = "their time did not increase"
 _LISTED = "correct it, or list it under 'missing' in the map"
+_YEAR = re.compile("%[YyGcx]")
 _SECONDS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 _TIME_DIGITS, _VALUE_DIGITS = 6, 9
 """Microseconds; and what conversion between units leaves of a decimal number, without the rounding of binary ones."""
@@ -62,7 +64,7 @@ def import_table(path: str, column_map: ColumnMap, source: str) -> Imported:
     dropped = {why: count for why, count in dropped.items() if count}
     taken = {name: values[kept] for name, values in columns.items()}
     taken.update({name: np.full(int(kept.sum()), value) for name, value in column_map.constants.items()})
-    notes = {"source": os.path.basename(path), "start": start}
+    notes = {"source": os.path.basename(path)} | ({"start": start} if start else {})
     if dropped:
         notes["dropped_rows"] = str(sum(dropped.values()))
     if column_map.constants:
@@ -182,7 +184,10 @@ class _Reading:
             raise refuse(self.path, place, *fault(self.cells[column].iloc[row]))
 
     def time(self) -> tuple[Array, str]:
-        """Seconds since the first row, to the microsecond, and the first row's time: an ISO date, or seconds."""
+        """Seconds since the first row, to the microsecond, and the first row's time: an ISO date, or seconds.
+
+        The latter is empty where the format has no year: such a time is of no known day.
+        """
         source = self.map.time
         texts = self.cells[source.column].tolist()
         moments, wrong = _parsed(texts, lambda text: _moment(text, self.map))
@@ -195,6 +200,8 @@ class _Reading:
         problem = f"is no time to count from {texts[first]!r}"
         beyond = ~(np.abs(seconds) <= LARGEST)
         self._bad(beyond, source.column, lambda text: (f"{text!r} {problem}", "correct or remove the row"))
+        if source.format and source.format != "iso" and not _YEAR.search(source.format):
+            return seconds, ""
         if source.format and np.isfinite(moments[first]):
             return seconds, _date(texts[first], source.format).isoformat()
         return seconds, f"{moments[first] * _SECONDS[source.unit or 's']:.15g} s"
