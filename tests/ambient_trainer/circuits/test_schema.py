@@ -152,8 +152,11 @@ def test_inputs_in_parallel_balance_a_heat_and_need_a_measured_node():
     assert [each.place for each in _faults(text)] == ["outputs.ambient.inputs", "parameters.w"]
 
 
-def test_a_signal_and_a_sensor_of_one_column_are_one_input():
-    text = EXAMPLE.replace("outputs:\n", "sources: [{into: board, signal: chip_degC, share: 2}]\noutputs:\n")
+def test_a_signal_and_a_sensor_of_one_column_are_one_input_and_a_power_counts_in_its_unit():
+    text = EXAMPLE.replace("outputs:\n", "sources: [{into: board, signal: chip_degC}]\noutputs:\n")
+    for source, value in (("chip_degC, share: 2", 2.0), ("p_kW, share: 2", 2.0), ("p_kW", 1000.0), ("p_W", 1.0)):
+        circuit = parse_circuit(text.replace("chip_degC}]", f"{source}}}]"), "x")
+        assert [each.initial for each in circuit.parameters if each.name == "sources[0].share"] == [value]
     assert parse_circuit(text, "x").inputs == ("board_degC", "chip_degC")
 
 
