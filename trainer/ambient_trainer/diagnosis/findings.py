@@ -31,6 +31,7 @@ from ambient_trainer.diagnosis.greybox.revision import beside, is_chosen
 from ambient_trainer.diagnosis.greybox.scene import LIGHT, Scene
 from ambient_trainer.diagnosis.greybox.stepwise import Selection
 from ambient_trainer.diagnosis.greybox.trials import Trial, penalised
+from ambient_trainer.diagnosis.misfit import in_watts
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Ranked, Step
 from ambient_trainer.report.words import digits, window
@@ -42,6 +43,8 @@ _EVERYWHERE = ("ambient_coupling", "convection_law")
 """Without a location they are those of all nodes."""
 _NO_POWERS, _AS_POWERS = ("_V", "_rpm", "_krpm", "_MHz", "_GHz"), ("_W", "_kW", "_A", "_load", "_frac", "_pct")
 """Units of columns that heat follows though they are none, and of those that are powers or go along with one."""
+_OF_HEAT = ("W", "J", "K/W")
+"""So begin the units that temperatures alone do not determine the scale of."""
 _CURVES = ("thermal_mass", "convection_law")
 """What bends a node's way to a temperature that stays."""
 _CENTRE, _SLOPE = 0.05, 8.0
@@ -84,9 +87,9 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
         cause, when = cause_of(mechanism, final.model.circuit), (mechanism.onset_s, mechanism.end_s)
         size = f"{magnitude.meaning} {digits(magnitude.value)} {magnitude.unit}"
         interval = " to ".join(map(digits, magnitude.ci95))
-        qualifier = f"{magnitude.qualifier}, " if magnitude.qualifier else ""
+        clauses = "".join(f"{each}, " for each in magnitude.clauses)
         sentence = (
-            f"{cause}: {size} ({interval}), {qualifier}{window(*when)}; on held-out data"
+            f"{cause}: {size} ({interval}), {clauses}{window(*when)}; on held-out data"
             f" {gain.rmse_before_degC:.2f} becomes {gain.rmse_after_degC:.2f} degC."
         )
         alike = tuple(dict.fromkeys([*rivals, *_or_physics(chosen)]))
@@ -129,14 +132,19 @@ def _numbers(final: Fitted, index: int) -> tuple[Magnitude, dict[str, tuple[floa
     if (whole := mechanism.product()) is not None:
         magnitude = _product(mechanism, whole, covariance)
         parameters[magnitude.meaning.replace(" ", "_")] = (magnitude.value, magnitude.unit)
-        return magnitude, parameters
+        return _scaled(magnitude, final), parameters
     # amounts in one unit by their size, others by their coordinates
     same = len({number.unit for number in mechanism.numbers}) == 1
     size = [abs(n.value if same else n.z) * (not n.log) for n in mechanism.numbers]
     largest = size.index(max(size))
     main, tail = mechanism.numbers[largest], mechanism.sentence_tail()
     value, meaning = mechanism.stated(main.value), mechanism.meaning(main)
-    return Magnitude(value, main.unit, meaning, intervals[largest], tail), parameters
+    return _scaled(Magnitude(value, main.unit, meaning, intervals[largest], tail), final), parameters
+
+
+def _scaled(magnitude: Magnitude, final: Fitted) -> Magnitude:
+    """``magnitude``, marked where it counts in watts or joules and the circuit fixes the scale of neither."""
+    return replace(magnitude, scale_known=not magnitude.unit.startswith(_OF_HEAT) or in_watts(final.model.circuit))
 
 
 def _product(mechanism: Mechanism, whole: tuple[str, str, tuple[int, int]], covariance: Array) -> Magnitude:

@@ -69,7 +69,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
     name = noun(step.cause)
     what = [name[0].upper() + name[1:], window(step.onset_s, step.end_s)]
     if step.magnitude is not None:
-        what += [magnitude_text(step.magnitude), *filter(None, [step.magnitude.qualifier])]
+        what += [magnitude_text(step.magnitude), *step.magnitude.clauses]
     others = len(diagnosis.steps) - 1
     more = "" if not others else f" {others} more effect{'s' if others > 1 else ''} found."
     return (
@@ -204,6 +204,7 @@ def steps_table(diagnosis: Diagnosis) -> Table:
         "Held-out: the simulation's RMSE over all sensors in degC, on blocks of time that it was not fitted to, "
         "without and with the cause, of causes that show themselves only together beside all others; the interval "
         f"(95 %) is of their difference. p is corrected for the {diagnosis.candidates_tried:,} candidates tried."
+        f"{_scale(diagnosis.explained)}"
     )
     rows = [
         (f"{number}. {step.cause}", *_effect_cells(step), f"{100 * step.confidence:.1f} %")
@@ -217,7 +218,14 @@ def ranking_table(diagnosis: Diagnosis) -> Table:
     shown = diagnosis.ranking[:SHOWN_RANKED]
     caption = f"The best {len(shown)} of {diagnosis.candidates_tried:,} candidates for the first effect; RMSE in degC."
     rows = [(str(each.cause), each.remark or "-", *_effect_cells(each)) for each in shown]
-    return Table(caption, ("candidate", "remark", *_EFFECT), rows, labels=3)
+    return Table(caption + _scale(shown), ("candidate", "remark", *_EFFECT), rows, labels=3)
+
+
+def _scale(shown: Sequence[Step | Ranked]) -> str:
+    """What a caption says of magnitudes whose scale these data do not determine."""
+    if all(each.magnitude is None or each.magnitude.scale_known for each in shown):
+        return ""
+    return " Watts are on the scale of the circuit's own capacitances: fix one, or give a power as a source, to determine it."
 
 
 _EFFECT = ("when", "magnitude (95 %)", "held-out RMSE", "gain (95 %)", "p")

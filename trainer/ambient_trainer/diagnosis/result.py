@@ -42,6 +42,14 @@ class Magnitude:
     ci95: tuple[float, float]
     qualifier: str = ""
     """A clause on how it varies; empty where it does not."""
+    scale_known: bool = True
+    """False where only the circuit's own capacitances set the scale of watts: no logged power does."""
+
+    @property
+    def clauses(self) -> tuple[str, ...]:
+        """What a sentence adds to the number."""
+        scale = () if self.scale_known else ("on the scale of the circuit's own capacitances",)
+        return (*scale, self.qualifier) if self.qualifier else scale
 
 
 @dataclass(frozen=True)
