@@ -41,11 +41,13 @@ class EvaluationResult(Result):
     def metrics(self) -> pd.DataFrame:
         """Metrics in degC by trace and method (``model``, ``model, run in``, ``static linear``).
 
-        ``coverage_50``, ``coverage_90`` and ``coverage_98`` are the shares of errors inside the published intervals.
+        ``coverage_50``, ``coverage_90`` and ``coverage_98`` are the shares of errors inside the model file's intervals,
+        ``published_50`` and so on inside those that a device publishes, which widens them for readings it lacks.
         """
         rows = []
         for label, each in zip(trace_labels(self.evaluations), self.evaluations):
             shares = {f"coverage_{level}": share for level, share in each.coverage.items()}
+            shares |= {f"published_{level}": share for level, share in each.published_coverage.items()}
             for method, metrics in each.by_method.items():
                 rows.append({"trace": label, "method": method, **asdict(metrics)})
                 if method == "model":

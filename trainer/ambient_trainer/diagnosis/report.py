@@ -225,7 +225,7 @@ def _scale(shown: Sequence[Step | Ranked]) -> str:
     """What a caption says of magnitudes whose scale these data do not determine."""
     if all(each.magnitude is None or each.magnitude.scale_known for each in shown):
         return ""
-    return " Watts are on the scale of the circuit's own capacitances: fix one, or give a power as a source, to determine it."
+    return " Watts are on the scale of the circuit's own capacitances: fix one of them, or make a power a source."
 
 
 _EFFECT = ("when", "magnitude (95 %)", "held-out RMSE", "gain (95 %)", "p")
