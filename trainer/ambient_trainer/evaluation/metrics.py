@@ -55,7 +55,7 @@ def coverage(error_degC: Array, interval: Quantiles, scale: Array | float = 1.0)
 
 
 def widened_coverage(
-    error_degC: Array, interval: Quantiles, scale: Array | float, published90_degC: Array
+    error_degC: Array, published90_degC: Array, interval: Quantiles, scale: Array | float = 1.0
 ) -> dict[int, float]:
     """The same of an interval that a device widens: both ends of its 90 % one are (2, n), less the estimate.
 
