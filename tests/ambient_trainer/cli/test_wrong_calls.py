@@ -21,7 +21,7 @@ CALLS = [
     ("mitigate x.json --limit nan", 2, "--limit; nan"),
     ("evaluate x.json x.csv --from 20 --to 10", 2, "--from 20; --to 10"),
     ("limit x.json --seeds 1,-2", 2, "--seeds; 1,-2"),
-    ("fit bare.csv --circuit free-1 -o m.json", 1, "bare.csv: line 1: no column 'ambient_degC'"),
+    ("fit bare.csv --to 9e9 --circuit free-1 -o x", 1, "out nothing; bare.csv: line 1: no column 'ambient_degC'"),
     ("fit empty.csv --circuit free-1 -o m.json", 1, "empty.csv: no samples"),
     ("fit t.csv --circuit free-1 -o m.json --zone nosuch=back", 1, "nosuch: no such input"),
     ("fit t.csv --circuit free-1 -o m.json --starts 0", 2, "--starts; 0"),
