@@ -73,8 +73,8 @@ def test_the_residuals_are_every_sensors_and_what_is_no_number_is_null(made):
 
 
 def test_the_headline_says_of_the_size_what_it_grows_with_of_nothing_what_was_tried_and_of_unknown_how_far_it_is(made):
-    size = replace(made().steps[0].magnitude, qualifier="growing in the cold by 3.0 % per K", scale_known=False)
-    assert "capacitances, growing in the cold" in headline(made(verdict=replace(made().steps[0], magnitude=size)))
+    size = replace(made().steps[0].magnitude, qualifier="growing in the cold by 3.0 % per K")
+    assert size.qualifier in headline(made(verdict=replace(made().steps[0], magnitude=size)))
     assert all(each in headline(made(steps=(), verdict=None)) for each in ("57 candidates", "two_nodes"))
     law = replace(made().steps[0], cause=Cause("convection_law", "flash"))
     assert "not proportional" in headline(made(verdict=law))

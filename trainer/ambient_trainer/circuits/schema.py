@@ -138,7 +138,7 @@ def load_circuit(name_or_path: str, besides: Sequence[str] = ()) -> Circuit:
 
     ``besides`` are names that the caller takes itself, for the message.
     """
-    path = shipped_path("--circuit", name_or_path, _LIBRARY, circuit_names(), besides)
+    path = shipped_path("circuit", name_or_path, _LIBRARY, circuit_names(), besides)
     return circuit_of_data(load_yaml(path), path)
 
 

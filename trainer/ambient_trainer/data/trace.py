@@ -66,15 +66,11 @@ class Trace:
         stop = len(self.time_s) if to_s is None else int(np.searchsorted(self.time_s, to_s))
         if stop <= start:
             whole = f"{self.time_s[0]:.10g} to {self.time_s[-1]:.10g} s" if len(self.time_s) else "no samples"
-            problem = f"nothing lies between --from and --to (the trace has {whole})"
-            raise refuse(self.path, "", problem, "choose others")
+            ends = [f"{word} {at_s:.10g} s" for word, at_s in (("from", from_s), ("to", to_s)) if at_s is not None]
+            problem = f"nothing lies {' '.join(ends)} (the trace has {whole})"
+            raise refuse(self.path, "", problem, "choose another window")
         kept = {name: values[start:stop] for name, values in self.columns.items()}
         return replace(self, time_s=self.time_s[start:stop], columns=kept)
-
-
-def is_sensor(column: str) -> bool:
-    """Whether a column is a temperature but no reference: neither ambient_degC nor a joined one's, ambient_2_degC."""
-    return column.endswith("_degC") and not is_reference(column)
 
 
 def is_reference(column: str) -> bool:

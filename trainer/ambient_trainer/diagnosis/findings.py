@@ -87,9 +87,9 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
         cause, when = cause_of(mechanism, final.model.circuit), (mechanism.onset_s, mechanism.end_s)
         size = f"{magnitude.meaning} {digits(magnitude.value)} {magnitude.unit}"
         interval = " to ".join(map(digits, magnitude.ci95))
-        clauses = "".join(f"{each}, " for each in magnitude.clauses)
+        qualifier = f"{magnitude.qualifier}, " if magnitude.qualifier else ""
         sentence = (
-            f"{cause}: {size} ({interval}), {clauses}{window(*when)}; on held-out data"
+            f"{cause}: {size} ({interval}), {qualifier}{window(*when)}; on held-out data"
             f" {gain.rmse_before_degC:.2f} becomes {gain.rmse_after_degC:.2f} degC."
         )
         alike = tuple(dict.fromkeys([*rivals, *_or_physics(chosen)]))
@@ -143,8 +143,11 @@ def _numbers(final: Fitted, index: int) -> tuple[Magnitude, dict[str, tuple[floa
 
 
 def _scaled(magnitude: Magnitude, final: Fitted) -> Magnitude:
-    """``magnitude``, marked where it counts in watts or joules and the circuit fixes the scale of neither."""
-    return replace(magnitude, scale_known=not magnitude.unit.startswith(_OF_HEAT) or in_watts(final.model.circuit))
+    """``magnitude``, qualified where it counts in watts or joules and the circuit fixes the scale of neither."""
+    if not magnitude.unit.startswith(_OF_HEAT) or in_watts(final.model.circuit):
+        return magnitude
+    qualifier = f"on the scale of the circuit's own capacitances, {magnitude.qualifier}".removesuffix(", ")
+    return replace(magnitude, qualifier=qualifier, scale_known=False)
 
 
 def _product(mechanism: Mechanism, whole: tuple[str, str, tuple[int, int]], covariance: Array) -> Magnitude:

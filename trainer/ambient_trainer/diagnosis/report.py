@@ -69,7 +69,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
     name = noun(step.cause)
     what = [name[0].upper() + name[1:], window(step.onset_s, step.end_s)]
     if step.magnitude is not None:
-        what += [magnitude_text(step.magnitude), *step.magnitude.clauses]
+        what += [magnitude_text(step.magnitude), *filter(None, [step.magnitude.qualifier])]
     others = len(diagnosis.steps) - 1
     more = "" if not others else f" {others} more effect{'s' if others > 1 else ''} found."
     return (

@@ -41,15 +41,9 @@ class Magnitude:
     """What the number is, in words."""
     ci95: tuple[float, float]
     qualifier: str = ""
-    """A clause on how it varies; empty where it does not."""
+    """A clause on its scale and on how it varies; empty where neither needs one."""
     scale_known: bool = True
     """False where only the circuit's own capacitances set the scale of watts: no logged power does."""
-
-    @property
-    def clauses(self) -> tuple[str, ...]:
-        """What a sentence adds to the number."""
-        scale = () if self.scale_known else ("on the scale of the circuit's own capacitances",)
-        return (*scale, self.qualifier) if self.qualifier else scale
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Quantiles
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data import Array, Segment, Trace, sampling_period_s, segments
-from ambient_trainer.data.trace import is_reference, is_sensor
+from ambient_trainer.data.trace import is_reference
 from ambient_trainer.estimation import Budget, Progress, Structure
 from ambient_trainer.estimators.estimate import blended, estimate_degC
 from ambient_trainer.lti import Hold, StateSpace, dc_gain, discretised, response_degC
@@ -57,7 +57,7 @@ def source_of(traces: Sequence[Trace]) -> str:
 
 def temperature_columns(traces: Sequence[Trace]) -> tuple[str, ...]:
     """Every ``_degC`` column of the first trace but the references."""
-    names = tuple(filter(is_sensor, traces[0].columns))
+    names = tuple(name for name in traces[0].columns if name.endswith("_degC") and not is_reference(name))
     if not names:
         raise refuse(traces[0].path, "line 1", "no '_degC' column besides the reference", "log a sensor")
     return names
@@ -148,6 +148,8 @@ class Estimator(ABC):
     """What a user calls it."""
     reads_any = True
     """Whether it reads whatever temperatures it is given; otherwise it names its own trace columns."""
+    own_columns: Sequence[str] = ()
+    """The trace columns that it names, where it does not read any."""
     starts_apart = False
     """Whether a fit is no more than its best search, so that several may make them and compare the ends."""
 

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ambient_trainer import cli
-from ambient_trainer.report import Finding, Report, Table
+from ambient_trainer.report import Finding, Report, Status, Table
 
 if TYPE_CHECKING:
     from ambient_trainer.data.join import Logged
     from ambient_trainer.evaluation.clock_shift import ClockShift
+
+_STATUS: dict[bool, Status] = {True: "plain", False: "warning"}
 
 
 @click.command("join")
@@ -54,10 +56,7 @@ def command(
     save_trace(trace_out, trace)
     blocks: list[Any] = [
         Table("", ("trace", "samples", "rows left out", "shift", "95 %", "by"), list(map(_row, others, shifts))),
-        *[
-            Finding(_sentence(*each), "plain" if each[0].comparable else "warning")
-            for each in zip(others, shifts, moves_s)
-        ],
+        *[Finding(_sentence(*each), _STATUS[each[0].comparable]) for each in zip(others, shifts, moves_s)],
     ]
     data = {"samples": len(trace.time_s), "columns": list(trace.columns), "traces": [
         _data(*each) for each in zip([first, *others], [None, *shifts], [0.0, *moves_s])
