@@ -141,5 +141,7 @@ def evaluate(
         if progress is not None:
             progress(trace.path, done, len(traces))
         evaluations.append(evaluated(model, trace, from_s, to_s))
-    stressed = stress_trace(model, traces[0].cut(from_s, to_s)) if stress else ()
-    return EvaluationResult(model, tuple(evaluations), stressed)
+    if not stress:
+        return EvaluationResult(model, tuple(evaluations))
+    first, scored_s = (traces[0].cut(None, to_s), from_s) if run_in else (traces[0].cut(from_s, to_s), None)
+    return EvaluationResult(model, tuple(evaluations), stress_trace(model, first, from_s=scored_s))

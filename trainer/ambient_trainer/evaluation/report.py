@@ -110,7 +110,7 @@ def _facts(model: Model) -> list[tuple[str, str | list[str]]]:
         ("estimates", model.output),
         ("reads", [f"{each.name}, {each.min:g} to {each.max:g} {written(each.unit)}" for each in main.inputs]),
         ("periods", ", ".join(f"{each.period_s:g} s" for each in main.discrete)),
-        ("published interval", bands + growing),
+        ("interval in the file", bands + growing),
         ("trained on", training or "not named in the model file"),
         ("created", model.created),
     ]

@@ -39,7 +39,8 @@ def extended_circuit(circuit: Circuit, model: GreyBox) -> Circuit:
         kept, result = _added(with_values(forward(circuit), values), model)
     causes = ", ".join(map(str, model.mechanisms))
     name = result.name if result.name.endswith(_SUFFIX) else result.name + _SUFFIX
-    return replace(result, name=name, about=f"{circuit.about}; with {causes}", mechanisms=tuple(kept))
+    about = "; ".join(filter(None, [circuit.about, f"with {causes}"]))
+    return replace(result, name=name, about=about, mechanisms=tuple(kept))
 
 
 def _added(circuit: Circuit, model: GreyBox) -> tuple[list[Addition], Circuit]:
