@@ -19,6 +19,8 @@ from ambient_trainer.report.files import finite
 from ambient_trainer.report.words import chance, clock, digits, duration, window
 
 SHOWN_RANKED = 8
+_SMALL_P = 0.05
+"""A larger one is left to the table: over few blocks no test finds it smaller, whatever the gain is."""
 _OF_WHITENESS = ("whiteness", "periodogram", "memory")
 
 
@@ -72,10 +74,10 @@ def _verdict(diagnosis: Diagnosis) -> str:
         what += [magnitude_text(step.magnitude), *filter(None, [step.magnitude.qualifier])]
     others = len(diagnosis.steps) - 1
     more = "" if not others else f" {others} more effect{'s' if others > 1 else ''} found."
+    sure = f", {chance(gain.p_value)}" if gain.p_value <= _SMALL_P else ""
     return (
         f"{', '.join(what)}: with it, the error on held-out data falls from {_degrees(gain.rmse_before_degC)} to "
-        f"{_degrees(gain.rmse_after_degC)} degC (gain {_degrees(low)} to {_degrees(high)} degC, "
-        f"{chance(gain.p_value)}).{more}"
+        f"{_degrees(gain.rmse_after_degC)} degC (gain {_degrees(low)} to {_degrees(high)} degC{sure}).{more}"
     )
 
 
@@ -174,7 +176,8 @@ def _tests(diagnosis: Diagnosis) -> Section:
     tests = diagnosis.misfit.tests
     # any misfit leaves a residual that is not white: what it follows says more
     beyond = sorted((each for each in tests if each.significant), key=lambda each: each.name in _OF_WHITENESS)
-    found = [Finding(f"{len(beyond)} of {len(tests)} tests of the residual are beyond chance.")]
+    small = "" if diagnosis.steps or not beyond else " What they find is too small to matter."
+    found = [Finding(f"{len(beyond)} of {len(tests)} tests of the residual are beyond chance.{small}")]
     found += [Finding(each.sentence, label=each.name) for each in beyond[:SHOWN_RANKED]]
     if (more := len(beyond) - SHOWN_RANKED) > 0:
         found.append(Finding(f"And {more} more: --report or --json shows them all."))
@@ -203,8 +206,9 @@ def steps_table(diagnosis: Diagnosis) -> Table:
     caption = (
         "Held-out: the simulation's RMSE over all sensors in degC, on blocks of time that it was not fitted to, "
         "without and with the cause, of causes that show themselves only together beside all others; the interval "
-        f"(95 %) is of their difference. p is corrected for the {diagnosis.candidates_tried:,} candidates tried."
-        f"{_scale(diagnosis.explained)}"
+        "(95 %) is of their difference. p is of a signed-rank test over the blocks, corrected for the "
+        f"{diagnosis.candidates_tried:,} candidates tried: few blocks cannot make it small, and it does not decide. "
+        f"What is taken, and its confidence, follow from the held-out error.{_scale(diagnosis.explained)}"
     )
     rows = [
         (f"{number}. {step.cause}", *_effect_cells(step), f"{100 * step.confidence:.1f} %")
