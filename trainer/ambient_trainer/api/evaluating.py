@@ -1,5 +1,6 @@
 """``at.evaluate``: a model's errors on traces, and their result."""
 
+import math
 import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -141,7 +142,6 @@ def evaluate(
         if progress is not None:
             progress(trace.path, done, len(traces))
         evaluations.append(evaluated(model, trace, from_s, to_s))
-    if not stress:
-        return EvaluationResult(model, tuple(evaluations))
-    first, scored_s = (traces[0].cut(None, to_s), from_s) if run_in else (traces[0].cut(from_s, to_s), None)
-    return EvaluationResult(model, tuple(evaluations), stress_trace(model, first, from_s=scored_s))
+    first, scored_s = traces[0].cut(None if run_in else from_s, to_s), -math.inf if from_s is None else from_s
+    stressed = stress_trace(model, first, from_s=scored_s) if stress else ()
+    return EvaluationResult(model, tuple(evaluations), stressed)

@@ -99,19 +99,17 @@ def _start(trace: Trace) -> tuple[str, float] | None:
 def joined(traces: Sequence[Trace]) -> Trace:
     """One trace with the columns of all, which are on one clock; the first gives the stamps.
 
-    A name that stands in several traces gets a number from the second on: ``ambient_2_degC``. Raises
-    :class:`Refused` where a column has values, but none at any stamp.
+    A name that stands in several gets a number from the second on: ``ambient_2_degC``. Refused: one without overlap.
     """
     first = traces[0]
     columns = dict(first.columns)
     for other in traces[1:]:
         for name, values in other.columns.items():
             brought = _brought(other.time_s, values, first.time_s, name.endswith("_on"))
-            if np.isnan(brought).all() and not np.isnan(values).all():
+            if np.isnan(brought).all() and (~np.isnan(values)).sum() > 1:
                 its, own = (f"{each.time_s[0]:.10g} to {each.time_s[-1]:.10g} s" for each in (other, first))
-                problem = f"no value at any time of the first trace ({its}, the first {own}, on one clock)"
-                hint = "join traces that overlap; correct 'start' in their notes, or remove that line"
-                raise refuse(other.path, f"column {name}", problem, hint)
+                problem = f"no value at any time of the first trace (it has {its}, the first {own}, on one clock)"
+                raise refuse(other.path, f"column {name}", problem, "correct or remove 'start' in the notes")
             columns[_free(name, columns)] = brought
     sources = ", ".join(os.path.basename(trace.path) for trace in traces)
     return Trace(first.path, first.time_s, columns, {**first.notes, "joined": sources})

@@ -43,8 +43,6 @@ _EVERYWHERE = ("ambient_coupling", "convection_law")
 """Without a location they are those of all nodes."""
 _NO_POWERS, _AS_POWERS = ("_V", "_rpm", "_krpm", "_MHz", "_GHz"), ("_W", "_kW", "_A", "_load", "_frac", "_pct")
 """Units of columns that heat follows though they are none, and of those that are powers or go along with one."""
-_OF_HEAT = ("W", "J", "K/W")
-"""So begin the units that temperatures alone do not determine the scale of."""
 _CURVES = ("thermal_mass", "convection_law")
 """What bends a node's way to a temperature that stays."""
 _CENTRE, _SLOPE = 0.05, 8.0
@@ -143,8 +141,8 @@ def _numbers(final: Fitted, index: int) -> tuple[Magnitude, dict[str, tuple[floa
 
 
 def _scaled(magnitude: Magnitude, final: Fitted) -> Magnitude:
-    """``magnitude``, qualified where it counts in watts or joules and the circuit fixes the scale of neither."""
-    if not magnitude.unit.startswith(_OF_HEAT) or in_watts(final.model.circuit):
+    """``magnitude``, qualified where its scale is heat's, which no power, resistance or capacitance determines."""
+    if not magnitude.unit.startswith(("W", "J", "K/W")) or in_watts(final.model.circuit):
         return magnitude
     qualifier = f"on the scale of the circuit's own capacitances, {magnitude.qualifier}".removesuffix(", ")
     return replace(magnitude, qualifier=qualifier, scale_known=False)

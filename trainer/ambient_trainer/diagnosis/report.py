@@ -227,9 +227,8 @@ def ranking_table(diagnosis: Diagnosis) -> Table:
 
 def _scale(shown: Sequence[Step | Ranked]) -> str:
     """What a caption says of magnitudes whose scale these data do not determine."""
-    if all(each.magnitude is None or each.magnitude.scale_known for each in shown):
-        return ""
-    return " Watts are on the scale of the circuit's own capacitances: fix one of them, or make a power a source."
+    known = all(each.magnitude is None or each.magnitude.scale_known for each in shown)
+    return "" if known else " Watts are on the scale of the circuit's own capacitances: fix one, or add a power source."
 
 
 _EFFECT = ("when", "magnitude (95 %)", "held-out RMSE", "gain (95 %)", "p")

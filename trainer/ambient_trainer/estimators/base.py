@@ -42,8 +42,7 @@ def fit_static_linear(segments: Sequence[Segment]) -> StaticLinear:
     return StaticLinear(solution[:-1], float(solution[-1]), float(np.sqrt(np.mean(errors**2))))
 
 
-LEFT_OUT = "Left out: "
-"""So begins a fit's note on columns that it does not read."""
+LEFT_OUT = "Left out: "  # so begins a fit's note on columns that it does not read
 _NO_SENSOR = 1e9
 """No quantity of a device is as large in any of a trace's units: such a value is an error code."""
 _BRIDGED_S = 120.0

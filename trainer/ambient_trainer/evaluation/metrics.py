@@ -57,10 +57,7 @@ def coverage(error_degC: Array, interval: Quantiles, scale: Array | float = 1.0)
 def widened_coverage(
     error_degC: Array, published90_degC: Array, interval: Quantiles, scale: Array | float = 1.0
 ) -> dict[int, float]:
-    """The same of an interval that a device widens: both ends of its 90 % one are (2, n), less the estimate.
-
-    What widens one level is a variance, which the others share.
-    """
+    """The same of an interval that a device widens by a variance; its 90 % one, less the estimate, is (2, n)."""
     own = np.multiply.outer(np.array(interval[90]), scale).reshape(2, -1)
     added = published90_degC**2 - own**2
     added = np.where(added > _ROUNDING * own**2, added, 0.0)

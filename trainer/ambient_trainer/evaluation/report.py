@@ -20,8 +20,7 @@ from ambient_trainer.report import Facts, Figure, Finding, Plot, Report, Section
 _COLUMNS = ("trace", "method", "RMSE", "MAE", "MBE", "98 % interval", "in 50/90/98 %", "samples")
 _CAPTION = (
     "Errors in degC, true minus estimate. 98 % interval: mean ± 2.33 standard deviations of the errors. "
-    "In 50/90/98 %: the percentage of errors inside the interval of that level that a device publishes, which is wider "
-    "than the model file's where readings are refused, missing or coarse."
+    "In 50/90/98 %: the percentage of errors inside a device's interval of that level, widened where it lacks readings."
 )
 _SEEN = (
     "Not held out: the model was trained on samples of {} that it is evaluated on here. The figures are no measure of "

@@ -45,10 +45,10 @@ class Stressed:
     tracking_off: float
 
 
-def stress(model: Model, trace: Trace, seed: int = 0, from_s: float | None = None) -> tuple[Stressed, ...]:
+def stress(model: Model, trace: Trace, seed: int = 0, from_s: float = -np.inf) -> tuple[Stressed, ...]:
     """Run ``model`` over ``trace``, which can be evaluated, under every condition, and score it from ``from_s`` on."""
     period_s = sampling_period_s(trace.time_s)
-    first_s = float(trace.time_s[0]) if from_s is None else from_s
+    first_s = max(from_s, float(trace.time_s[0]))
     found = [_stressed(name, model, trace, change, seed, first_s) for name, change in _conditions(model, period_s)]
     middle_s = (first_s + float(trace.time_s[-1])) / 2
     before_s, wrong_s = max(_BEFORE_S, _BEFORE * period_s), max(_WRONG_S, _WRONG * period_s)

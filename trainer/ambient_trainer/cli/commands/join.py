@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from ambient_trainer.data.join import Logged
     from ambient_trainer.evaluation.clock_shift import ClockShift
 
-_STATUS: dict[bool, Status] = {True: "plain", False: "warning"}
-
 
 @click.command("join")
 @click.argument("trace_paths", metavar="TRACE TRACE...", nargs=-1, required=True)
@@ -49,6 +47,7 @@ def command(
     output.check(trace_paths, [trace_out])
     first, *others = on_one_epoch([load_logged(path) for path in trace_paths])
     shifts = [clock_shift(first.moved(), other.moved(), within_s) for other in others]
+    statuses: list[Status] = ["plain" if each.comparable else "warning" for each in others]
     moves_s = [each.shift_s if apply and each is not None and each.significant else 0.0 for each in shifts]
     trace = joined([first.moved(), *[other.moved(move_s) for other, move_s in zip(others, moves_s)]])
     moved = {f"shift_{os.path.basename(each.trace.path)}": f"{by:g} s" for each, by in zip(others, moves_s) if by}
@@ -56,7 +55,7 @@ def command(
     save_trace(trace_out, trace)
     blocks: list[Any] = [
         Table("", ("trace", "samples", "rows left out", "shift", "95 %", "by"), list(map(_row, others, shifts))),
-        *[Finding(_sentence(*each), _STATUS[each[0].comparable]) for each in zip(others, shifts, moves_s)],
+        *map(Finding, map(_sentence, others, shifts, moves_s), statuses),
     ]
     data = {"samples": len(trace.time_s), "columns": list(trace.columns), "traces": [
         _data(*each) for each in zip([first, *others], [None, *shifts], [0.0, *moves_s])

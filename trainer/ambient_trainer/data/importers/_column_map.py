@@ -73,10 +73,7 @@ _CONSTANT = holds(lambda value: abs(value) <= LARGEST, "it is {:g}", "give what 
 
 
 class TimeSource(Strict):
-    """Where the time stands and how it is written: a number in ``unit``, or text in ``format``.
-
-    The texts of several columns, such as a date's and a time's, are joined by a blank.
-    """
+    """Where the time stands and how: a number in ``unit``, or text in ``format``, of several columns with blanks."""
 
     columns: Annotated[Texts, Field(alias="column", min_length=1)]
     unit: Literal["ns", "us", "ms", "s", "min", "h"] | None = None

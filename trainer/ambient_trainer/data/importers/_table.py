@@ -29,9 +29,8 @@ _UNREADABLE = "they cannot be read"
 _UNWANTED = "the map's 'drop_rows' names them"
 _NOT_INCREASING = "their time did not increase"
 _LISTED = "correct it, or list it under 'missing' in the map"
-_SPREADSHEETS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
-"""How .xlsx and .ods begin, which are zip archives, and .xls."""
-_YEAR = re.compile("%[YyGcx]")
+_SPREADSHEETS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  # .xlsx and .ods, which are zip archives; .xls
+_DATED = re.compile("%[YyGcx]|^iso$")
 _SECONDS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 _TIME_DIGITS, _VALUE_DIGITS = 6, 9
 """Microseconds; and what conversion between units leaves of a decimal number, without the rounding of binary ones."""
@@ -161,10 +160,8 @@ def _rows(path: str, layout: ColumnMap) -> Iterator[_Row]:
 
 def _check_asked(path: str, line: int, names: list[str], asked: dict[str, str], source: str) -> None:
     faults = []
-    # one name that holds a delimiter is a line that was not parted
-    parted = next((each for each in ";\t|" if len(names) == 1 and each in names[0]), None)
     hint = f"line {line} has {', '.join(names)}"
-    if parted is not None:
+    if len(names) == 1 and (parted := next((each for each in ";\t|" if each in names[0]), None)):
         hint += f": if these are several columns, say 'delimiter: {json.dumps(parted)}' in the map"
     for place, name in asked.items():
         if name not in names:
@@ -196,10 +193,7 @@ class _Reading:
             raise refuse(self.path, place, *fault(self.cells[column].iloc[row]))
 
     def time(self) -> tuple[Array, str]:
-        """Seconds since the first row, to the microsecond, and the first row's time: an ISO date, or seconds.
-
-        The latter is empty where the format has no year: such a time is of no known day.
-        """
+        """Seconds since the first row, to the microsecond, and its time: an ISO date, seconds, or "" without a day."""
         source = self.map.time
         texts = self.cells[self.time_column].tolist()
         moments, wrong = _parsed(texts, lambda text: _moment(text, self.map))
@@ -212,7 +206,7 @@ class _Reading:
         problem = f"is no time to count from {texts[first]!r}"
         beyond = ~(np.abs(seconds) <= LARGEST)
         self._bad(beyond, self.time_column, lambda text: (f"{text!r} {problem}", "correct or remove the row"))
-        if source.format and source.format != "iso" and not _YEAR.search(source.format):
+        if source.format and not _DATED.search(source.format):
             return seconds, ""
         if source.format and np.isfinite(moments[first]):
             return seconds, _date(texts[first], source.format).isoformat()
@@ -243,12 +237,10 @@ class _Reading:
         if source.not_increasing == "refuse" and not later.all():
             index = int(np.argmin(later))
             before, text = self.cells[self.time_column].iloc[rows[[index - 1, index]]]
-            problem = f"{text} does not come after {before}"
-            why = "was the clock set back, or summer time over? "
-            if source.format and source.format != "iso" and not _YEAR.search(source.format):
-                why = "does the day change there? Name a column of the date too. Else "
-            lost = f"leaves out {int((~later).sum())} of {len(later)} rows"
-            hint = f"{why}correct the rows; 'not_increasing: drop' in the map's 'time' {lost}"
+            dated = not source.format or _DATED.search(source.format)
+            why = "was the clock set back?" if dated else "does the day change there? Name a column of the date too;"
+            problem, lost = f"{text} does not come after {before}", f"leaves out {(~later).sum()} of {len(later)} rows"
+            hint = f"{why} correct the rows; 'not_increasing: drop' in the map's 'time' {lost}"
             raise refuse(self.path, f"line {self.cells.index[rows[index]]}, column {self.time_column}", problem, hint)
         kept = np.zeros(len(time_s), dtype=bool)
         kept[rows[later]] = True
