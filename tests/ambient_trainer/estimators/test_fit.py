@@ -63,6 +63,10 @@ def test_a_whole_trace(rise, logged):
     for each in fit.parameters[2:]:
         low, high = each.interval95
         assert low < each.value < high
+    # what has no interval is named where nothing is confounded
+    open_ = fit.parameters[0]._replace(identifiable=False)
+    told = [each.text for each in findings(replace(fit, identifiable=False, parameters=(open_,)))]
+    assert f"Identifiable: no; these data do not bound {open_.name}." in told
 
 
 def test_holes_and_missing_samples_cost_no_accuracy(rise, logged):
@@ -182,10 +186,3 @@ def test_a_reference_may_be_constant_in_one_of_several_traces_and_is_no_sensor(r
         FreeFilterEstimator(1).fit([logged()], ONE, inputs=("board_degC", "ambient_degC"))
     joined = FreeFilterEstimator(1).fit([_with(logged(), ambient_2=calm.time_s)], ONE)
     assert (joined.inputs[2:], "ambient_2_degC" in joined.notes[-1]) == (("chip_degC",), True)
-
-
-def test_what_has_no_interval_is_named_where_nothing_is_confounded(rise, logged):
-    fit = CircuitEstimator(rise).fit([logged()], ONE)
-    open_ = fit.parameters[0]._replace(identifiable=False)
-    told = [each.text for each in findings(replace(fit, identifiable=False, parameters=(open_,)))]
-    assert f"Identifiable: no; these data do not bound {open_.name}." in told
