@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from ambient_model.faults import Refused
 from ambient_trainer.data.join import Logged, joined, load_logged, on_one_epoch
 from ambient_trainer.data.trace import Trace, load_trace, save_trace
+from refusals import refused
 
 
 def trace(name, time_s, columns, **notes):
@@ -27,8 +27,7 @@ def test_a_column_is_drawn_averaged_or_held_and_absent_in_a_gap():
     time_s = np.r_[20:60:10, 120:160:10]
     there = ~np.isnan(joined([first, trace("b", time_s, {"b_degC": 5.0})]).columns["b_degC"])
     np.testing.assert_array_equal(first.time_s[there], time_s)
-    with pytest.raises(Refused, match="column b_degC: no value"):
-        joined([first, trace("b", time_s + 1e6, {"b_degC": 5.0})])
+    assert "b_degC: no value" in str(refused(joined, [first, trace("b", time_s + 1e6, {"b_degC": 5.0})]))
 
 
 @pytest.mark.parametrize(
