@@ -18,14 +18,9 @@ name: tiny
 about: Connector and display
 form: temperature
 nodes:
-  usb: {capacitance: 3, sensor: usb}
-  display: {capacitance: C_display, sensor: display}
-  ambient: {sensor: ambient}
-edges:
-  - {between: [usb, display], resistance: R_usb}
-  - {between: [display, ambient], resistance: R_display}
-sources:
-  - {into: display, signal: soc_power_W, share: k}
+  {usb: {capacitance: 3, sensor: usb}, display: {capacitance: C_display, sensor: display}, ambient: {sensor: ambient}}
+edges: [{between: [usb, display], resistance: R_usb}, {between: [display, ambient], resistance: R_display}]
+sources: [{into: display, signal: soc_power_W, share: k}]
 outputs: sensors
 parameters:
   C_display: {unit: J/K, initial: 60, min: 10, max: 300}

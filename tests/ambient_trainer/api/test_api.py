@@ -28,7 +28,7 @@ def log():
 
 @pytest.fixture(scope="module")
 def fitted(log):
-    return at.fit(log, "free-1", sensors=["usb", "battery_degC"], to_s=3_000, effort=ONE)
+    return at.fit(log, "free-1", sensors="usb, battery_degC", to_s=3_000, effort=ONE)
 
 
 def test_the_import_is_cheap_and_every_name_is_there_and_typed():

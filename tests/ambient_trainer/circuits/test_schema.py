@@ -43,8 +43,7 @@ def test_the_example_of_the_documentation_loads():
 def test_the_shipped_circuits_load_and_an_unknown_name_is_answered_with_theirs():
     assert [load_circuit(name).name for name in circuit_names()] == list(circuit_names())
     assert set(circuit_names()) >= set(THESIS)
-    with pytest.raises(Refused, match=re.escape(", ".join(circuit_names()))):
-        load_circuit("model3")
+    assert ", ".join(circuit_names()) in str(refused(load_circuit, "model3"))
 
 
 def test_a_number_is_a_parameter_that_is_not_searched():
@@ -61,8 +60,8 @@ def test_sensors_is_one_output_for_every_sensor_on_a_state():
     circuit = parse_circuit(text, "x")
     assert circuit.outputs == (Output("board", {"board": "outputs.board.states.board"}, {}, None),)
     assert circuit.inputs == ("ambient_degC",)
-    with pytest.raises(Refused, match=re.escape("add what drives it, such as 'ambient: {sensor: ambient}'")):
-        parse_circuit(re.sub("  ambient: .*\n", "", text), "x")
+    said = str(refused(parse_circuit, re.sub("  ambient: .*\n", "", text), "x"))
+    assert "add what drives it, such as 'ambient: {sensor: ambient}'" in said
 
 
 _OUTPUTS = "outputs:\n  ambient: {states: parallel, inputs: {board_degC: w}}\n"
@@ -125,17 +124,10 @@ def test_heat_that_only_goes_round_is_refused():
 format: ambient-circuit
 version: 1
 name: loop
-about: No way out
 form: temperature
 nodes:
-  a: {capacitance: 1, sensor: a}
-  b: {capacitance: 1, sensor: b}
-  c: {capacitance: 1, sensor: c}
-  chip: {sensor: chip}
-edges:
-  - {between: [a, b], resistance: 1}
-  - {between: [c, chip], resistance: 1}
-  - {between: [a, ambient], resistance: 1}
+  {a: {capacitance: 1, sensor: a}, b: {capacitance: 1, sensor: b}, c: {capacitance: 1, sensor: c}, chip: {sensor: chip}}
+edges: [{between: [a, b], resistance: 1}, {between: [c, chip], resistance: 1}, {between: [a, ambient], resistance: 1}]
 outputs: sensors
 """
     assert [each.place for each in _faults(text)] == ["nodes.a", "nodes.b"]
@@ -152,18 +144,19 @@ def test_inputs_in_parallel_balance_a_heat_and_need_a_measured_node():
     assert [each.place for each in _faults(text)] == ["outputs.ambient.inputs", "parameters.w"]
 
 
-def test_a_signal_and_a_sensor_of_one_column_are_one_input():
-    text = EXAMPLE.replace("outputs:\n", "sources: [{into: board, signal: chip_degC, share: 2}]\noutputs:\n")
+def test_a_signal_and_a_sensor_of_one_column_are_one_input_and_a_power_counts_in_its_unit():
+    text = EXAMPLE.replace("outputs:\n", "sources: [{into: board, signal: chip_degC}]\noutputs:\n")
+    for source, value in (("chip_degC, share: 2", 2.0), ("p_kW, share: 2", 2.0), ("p_kW", 1000.0), ("p_W", 1.0)):
+        circuit = parse_circuit(text.replace("chip_degC}]", f"{source}}}]"), "x")
+        assert [each.initial for each in circuit.parameters if each.name == "sources[0].share"] == [value]
     assert parse_circuit(text, "x").inputs == ("board_degC", "chip_degC")
 
 
 def test_a_file_gives_the_circuit_that_its_text_does_or_is_refused(tmp_path):
     path = tmp_path / "two.yaml"
-    with pytest.raises(Refused, match="cannot be read"):
-        load_circuit(str(path))
+    assert "cannot be read" in str(refused(load_circuit, str(path)))
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(Refused, match="UTF-8"):
-        load_circuit(str(path))
+    assert "UTF-8" in str(refused(load_circuit, str(path)))
     path.write_text(EXAMPLE)
     assert load_circuit(str(path)) == parse_circuit(EXAMPLE, "two.yaml")
 

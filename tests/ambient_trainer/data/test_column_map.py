@@ -32,6 +32,8 @@ WRONG = [
     ("columns: {usb_degC: T}", "time", "missing"),
     ("time: {column: t, unit: s}\ncolumns:", "columns", "no columns"),
     ("time: {column: t}\ncolumns: {a_degC: T}", "time", "neither 'unit' nor 'format'"),
+    ("time: {column: [d, t], unit: s}\ncolumns: {a_degC: T}", "time", "a number in several columns"),
+    ("- usb_degC", "", "a mapping"),
     (_GOOD + "colums: 1", "colums", "skip_under_header, drop_rows, bad_rows"),
     (_GOOD.replace("T_usb", "{from: T, scal: 2}"), "columns.usb_degC.scal", "combine, unit, scale"),
     (_GOOD.replace("T_usb", "{from: T, unit: mW}"), "columns.usb_degC.unit", "degC, ddegC, cdegC, mdegC, degF, K"),

@@ -5,6 +5,7 @@ import pytest
 
 from ambient_trainer.data.join import Logged, joined, load_logged, on_one_epoch
 from ambient_trainer.data.trace import Trace, load_trace, save_trace
+from refusals import refused
 
 
 def trace(name, time_s, columns, **notes):
@@ -26,26 +27,30 @@ def test_a_column_is_drawn_averaged_or_held_and_absent_in_a_gap():
     time_s = np.r_[20:60:10, 120:160:10]
     there = ~np.isnan(joined([first, trace("b", time_s, {"b_degC": 5.0})]).columns["b_degC"])
     np.testing.assert_array_equal(first.time_s[there], time_s)
+    assert "b_degC: no value" in str(refused(joined, [first, trace("b", time_s + 1e6, {"b_degC": 5.0})]))
 
 
 @pytest.mark.parametrize(
-    ("starts", "times", "epoch_s"),
+    ("starts", "times", "epoch_s", "comparable"),
     [
-        (("2024-05-01T10:00:00", "2024-05-01 10:00:30"), (0, 0), 30.0),
-        (("2024-05-01T10:00:00+02:00", "2024-05-01T08:00:30Z"), (0, 0), 30.0),
-        (("2024-05-01T10:00:00", "2024-05-01T08:00:30Z"), (0, 50), 0.0),
-        (("1700000000.0 s", "1700000090.0 s"), (0, 0), 90.0),
-        ((None, None), (0, 50), 0.0),
-        ((None, None), (0, 1.7e9), -1.7e9),
-        (("2024-05-01T10:00:00", "5/1/2024 10:00"), (0, 1e6), -1e6),
+        (("2024-05-01T10:00:00", "2024-05-01 10:00:30"), (0, 0), 30.0, True),
+        (("2024-05-01T10:00:00+02:00", "2024-05-01T08:00:30Z"), (0, 0), 30.0, True),
+        (("2024-05-01T10:00:00", "2024-05-01T08:00:30Z"), (0, 50), 0.0, False),
+        (("1700000000.0 s", "1700000090.0 s"), (0, 0), 90.0, True),
+        (("1700000000 s", "2023-11-14T22:13:50Z"), (0, 0), 30.0, True),
+        ((None, None), (0, 50), 0.0, True),
+        ((None, None), (0, 1.7e9), -1.7e9, True),
+        (("2024-05-01T10:00:00", None), (0, 50), 0.0, False),
+        (("2024-05-01T10:00:00", "5/1/2024 10:00"), (0, 1e6), -1e6, False),
     ],
 )
-def test_the_epoch_is_by_notes_else_by_times_else_by_the_first_samples(starts, times, epoch_s):
+def test_the_epoch_is_by_notes_else_by_times_else_by_the_first_samples(starts, times, epoch_s, comparable):
     made = [
         trace("x", time_s + np.arange(0, 100, 10), {"x_degC": 1.0}, **({"start": start} if start else {}))
         for start, time_s in zip(starts, times)
     ]
-    assert [each.epoch_s for each in on_one_epoch([Logged(each, 0) for each in made])] == [0.0, epoch_s]
+    placed = on_one_epoch([Logged(each, 0) for each in made])
+    assert ([each.epoch_s for each in placed], placed[1].comparable) == ([0.0, epoch_s], comparable)
 
 
 def test_stamps_that_repeat_or_go_back_are_left_out(write):

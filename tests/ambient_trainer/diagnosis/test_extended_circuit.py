@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,11 +25,12 @@ MASS = HiddenMass(("usb",), (Number("G_usb_mass", "W/K", 0.1, log=True), Number(
 
 
 def test_the_form_stays_where_the_circuits_own_nodes_say_it_all():
-    circuit = load_circuit("model2_ss")
+    circuit = replace(load_circuit("model2_ss"), about="")
     model = greybox_of(forward(circuit))
     extended = extended_circuit(circuit, model.with_mechanism(CHARGER))
     assert extended.sources == (Source("usb", "charger_on", "k_usb_charger_on"),)
     assert extended.form == circuit.form != forward(circuit).form
+    assert extended.about == "with heat_source at usb by charger_on"
     # a body that no sensor reads leaves nothing to estimate the ambient from
     assert extended_circuit(circuit, model.with_mechanism(MASS)).form == forward(circuit).form
 

@@ -31,9 +31,10 @@ def heat(driver: str | None, **amounts: tuple[float, float]) -> Heat:
 
 def test_the_size_shown_is_that_of_the_largest_amount_and_not_of_the_finest_scale():
     mechanism = heat("load_frac", coil=(40.0, 20.0), controller=(5.0, 0.1))
-    final = SimpleNamespace(model=GreyBox(None, (), (mechanism,)), covariance=np.eye(2))
+    free = SimpleNamespace(parameters=(), sources=(), states=(), edges=())
+    final = SimpleNamespace(model=GreyBox(free, (), (mechanism,)), covariance=np.eye(2))
     magnitude, _ = _numbers(final, 0)
-    assert (magnitude.value, magnitude.meaning) == (40.0, "heat into coil")
+    assert (magnitude.value, magnitude.meaning, magnitude.qualifier[:12]) == (40.0, "heat into coil", "on the scale")
 
 
 def logged(period_s: float = 1.0, **columns: np.ndarray) -> list[SimpleNamespace]:

@@ -76,8 +76,9 @@ def test_the_headline_says_of_the_size_what_it_grows_with_of_nothing_what_was_tr
     size = replace(made().steps[0].magnitude, qualifier="growing in the cold by 3.0 % per K")
     assert size.qualifier in headline(made(verdict=replace(made().steps[0], magnitude=size)))
     assert all(each in headline(made(steps=(), verdict=None)) for each in ("57 candidates", "two_nodes"))
-    law = replace(made().steps[0], cause=Cause("convection_law", "flash"))
+    law = replace(made().steps[0], cause=Cause("convection_law", "flash"), gain=Gain(0.91, 0.43, (0.4, 0.55), 0.24))
     assert "not proportional" in headline(made(verdict=law))
+    assert ["p = 0.24" in headline(made(verdict=law)), "p < 0.001" in headline(made())] == [False, True]
     unknown = replace(made().steps[0], cause=Cause("unknown"), sentence="The simulation is 0.91 degC off.")
     assert "0.91 degC off" in headline(made(steps=(unknown,), verdict=unknown))
 
@@ -93,6 +94,7 @@ def test_the_terminal_shows_significant_tests_first(made):
     assert str(int(lines[first].split()[0]) - 8) in lines[first + 9]
     verdicts = [row[-1] for row in residual_tests_table(made().misfit.tests).rows]
     assert verdicts == sorted(verdicts, reverse=True)
+    assert ["too small" in each for each in (text, shown(made(steps=(), verdict=None)))] == [False, True]
     assert set(verdicts) == {"yes", "no"}
 
 

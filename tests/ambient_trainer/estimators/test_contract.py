@@ -101,10 +101,10 @@ def test_an_unknown_name_one_of_another_kind_or_sensors_of_a_circuit_are_refused
     for name in ("phone", "phone_observer", "free-1", "free-4", "circuit_observer"):
         assert f" {name}," in said
     assert thermal_circuit("model2_ss").name == "model2_ss"
-    assert str(refused(thermal_circuit, "free-2")).startswith("--circuit: free-2")
+    assert str(refused(thermal_circuit, "free-2")).startswith("circuit: free-2")
     assert "free-1" not in str(refused(thermal_circuit, "free-9"))
     said = str(refused(estimator, "linear_usb", ["usb_degC"]))
-    for name in ("--sensors", "linear_usb", "free-1", "circuit_observer", "free_observer"):
+    for name in ("sensors", "linear_usb", "free-1", "circuit_observer", "free_observer"):
         assert name in said
 
 

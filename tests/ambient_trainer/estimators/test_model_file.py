@@ -92,7 +92,7 @@ def test_it_says_the_quantiles_of_the_training_errors_and_how_and_of_what_it_was
 @pytest.mark.parametrize(
     ("change", "zones", "facts"),
     [
-        ({}, {"chip": "soc", "gpu": "gpu0", "dsp": "dsp0"}, ["--zone", "dsp, gpu", "board, chip, cpu_power"]),
+        ({}, {"chip": "soc", "gpu": "gpu0", "dsp": "dsp0"}, ["zones", "dsp, gpu", "board, chip, cpu_power"]),
         ({"outputs": ("board", "chip")}, {}, ["driven", "board, chip"]),
     ],
 )

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from ambient_trainer.evaluation.metrics import coverage, rolling_band, score
+from ambient_trainer.evaluation.metrics import coverage, rolling_band, score, widened_coverage
 
 
 @given(st.lists(st.floats(-50, 50), min_size=2, max_size=40))
@@ -49,3 +49,5 @@ def test_coverage_counts_the_ends_as_inside_and_takes_a_scale_an_error():
     assert coverage(error, {90: (-1.0, 1.5)}, scale) == {90: 0.5}
     assert coverage(error, {90: (-1.0, 1.5)}) == {90: 0.5}
     assert coverage(error, {50: (-1.0, 1.5), 98: (-1.0, 2.0)}, 10.0) == {50: 1.0, 98: 1.0}
+    ends = np.array([[-2.0] * 4, [2.0] * 4])  # a variance of 3 / 1.645^2 more: at 50 % to 0.71 beside nothing
+    assert widened_coverage(error / 1.3, ends, {50: (0.0, 0.0), 90: (-1.0, 1.0)}) == {50: 0.5, 90: 1.0}

@@ -18,6 +18,7 @@ def test_all_conditions_are_scored_at_any_period(period_s):
     assert sum(": " in name for name in found) == 2 * len(FAULTS)
     logged, wrong = found["as logged"], found["usb: 85 degC"]
     assert logged.tracking > 0.5
+    assert stress(model, sensor_trace(300, period_s=period_s), from_s=200 * period_s)[0].tracking == 1.0
     # this model does not validate: 1.3 of 55 degC or more is what such a lie does, from the second sample on
     assert wrong.rmse_degC > 40
     assert wrong.tracking_off == pytest.approx(1.0)

@@ -97,7 +97,7 @@ def test_a_unit_that_cannot_be_fitted_is_a_row_with_the_reason(fleet_units, trai
     assert trainer(*asked, "-o", tmp_path / "two", "--strict")[0] == 1
     assert (tmp_path / "two/models/hourly.json").exists(), "what a run before has left among the logs is none"
     status, _, error = trainer(*asked, "-o", tmp_path / "three", "--diagnose", "nophone")
-    assert (status, error.startswith("ambient-trainer: --diagnose: none is called 'nophone'")) == (1, True)
+    assert (status, error.startswith("ambient-trainer: diagnose: none is called 'nophone'")) == (1, True)
 
 
 @pytest.mark.parametrize("form", ["file", "folder", "broken", "unlike"])

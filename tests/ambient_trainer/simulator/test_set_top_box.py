@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ambient_model.faults import Refused
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.estimators.base import Effort
@@ -15,7 +14,7 @@ from ambient_trainer.estimators.registry import CircuitEstimator
 from ambient_trainer.simulator import load_device, simulate
 from ambient_trainer.simulator.device import device_path
 from ambient_trainer.simulator.heat import HeatBalance
-from refusals import refused_places
+from refusals import refused, refused_places
 
 DAY = "set_top_box"
 
@@ -93,11 +92,8 @@ def test_a_user_s_device_and_scenario_are_one_file_each(trainer, tmp_path):
 def test_a_faulty_device_is_refused_with_every_place(write):
     text = Path(device_path("phone")).read_text()
     path = write("phone.yaml", text.replace("low: 0.024", "low: 0.3"))
-    with pytest.raises(Refused, match=r"activities\.idle\.heat_W\.soc"):
-        load_device(path)
+    assert "activities.idle.heat_W.soc" in str(refused(load_device, path))
     write("phone.yaml", text.replace("near: flash", "near: moon").replace("sensors: [soc", "sensors: [sun"))
     assert {*refused_places(load_device, path)} == {"zones.flash", "sensors"}
-    with pytest.raises(Refused, match="phone, set_top_box"):
-        load_device("toaster")
-    with pytest.raises(Refused, match="streaming"):
-        simulate("2.1", "set_top_box")  # a load that the box does not know
+    assert "phone, set_top_box" in str(refused(load_device, "toaster"))
+    assert "streaming" in str(refused(simulate, "2.1", "set_top_box"))  # a load that the box does not know

@@ -60,7 +60,9 @@ def traces_of(data: Data) -> list[Trace]:
 
 
 def sensor_columns(names: Sequence[str] | None) -> tuple[str, ...]:
-    """The trace columns of temperature sensors, named with or without their unit."""
+    """The trace columns of temperature sensors, named with or without their unit; a text names several, as ``a,b``."""
+    if isinstance(names, str):
+        names = [name.strip() for name in names.split(",") if name.strip()]
     return tuple(name if name.endswith("_degC") else f"{name}_degC" for name in names or ())
 
 

@@ -1,5 +1,6 @@
 """``at.evaluate``: a model's errors on traces, and their result."""
 
+import math
 import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -41,11 +42,13 @@ class EvaluationResult(Result):
     def metrics(self) -> pd.DataFrame:
         """Metrics in degC by trace and method (``model``, ``model, run in``, ``static linear``).
 
-        ``coverage_50``, ``coverage_90`` and ``coverage_98`` are the shares of errors inside the published intervals.
+        ``coverage_50``, ``coverage_90`` and ``coverage_98`` are the shares of errors inside the model file's intervals,
+        ``published_50`` and so on inside those that a device publishes, which widens them for readings it lacks.
         """
         rows = []
         for label, each in zip(trace_labels(self.evaluations), self.evaluations):
             shares = {f"coverage_{level}": share for level, share in each.coverage.items()}
+            shares |= {f"published_{level}": share for level, share in each.published_coverage.items()}
             for method, metrics in each.by_method.items():
                 rows.append({"trace": label, "method": method, **asdict(metrics)})
                 if method == "model":
@@ -139,5 +142,6 @@ def evaluate(
         if progress is not None:
             progress(trace.path, done, len(traces))
         evaluations.append(evaluated(model, trace, from_s, to_s))
-    stressed = stress_trace(model, traces[0].cut(from_s, to_s)) if stress else ()
+    first, scored_s = traces[0].cut(None if run_in else from_s, to_s), -math.inf if from_s is None else from_s
+    stressed = stress_trace(model, first, from_s=scored_s) if stress else ()
     return EvaluationResult(model, tuple(evaluations), stressed)

@@ -14,7 +14,7 @@ from ambient_trainer.api.data import Data, sensor_columns, traces_of
 from ambient_trainer.api.result import Result
 from ambient_trainer.data.resolution import with_resolution
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimators.base import Effort, Fit
+from ambient_trainer.estimators.base import Effort, Fit, temperature_columns
 from ambient_trainer.estimators.model_file import model_of, require_zones, training_of
 from ambient_trainer.estimators.readings import reading_model
 from ambient_trainer.estimators.registry import estimator
@@ -125,8 +125,8 @@ def fit(
     circuit : str
         A shipped circuit (``model2_ss``), an estimator (``free-1`` to ``free-4``, ``free_observer``,
         ``circuit_observer``, ``phone_observer``), or a YAML file of a circuit or a recipe.
-    sensors : sequence of str, optional
-        What the estimators that read any sensors read; by default every temperature but the reference.
+    sensors : sequence of str, or str, optional
+        What the estimators that read any sensors read; by default every temperature but the references.
     from_s, to_s : float, optional
         Only samples with ``from_s <= time_s < to_s`` are used.
     period_s : float, optional
@@ -171,8 +171,9 @@ def fit(
     method = estimator(circuit, columns)
     steps = dict(zip(sensor_columns(list(resolution or {})), (resolution or {}).values()))
     traces = [with_resolution(trace.cut(from_s, to_s), steps) for trace in traces_of(data)]
-    # a name that no log has is refused before the search
-    require_zones(zones or {}, sorted({split_column(column)[0] for trace in traces for column in trace.columns}))
+    if zones:  # a name that is no input's is refused before the search
+        read = method.own_columns or columns or temperature_columns(traces)
+        require_zones(zones, [split_column(column)[0] for column in read])
     fitted = method.fit(traces, effort or Effort(), progress, period_s, columns or None)
     training = [{**training_of(trace, from_s, to_s), **({"resolution": steps} if steps else {})} for trace in traces]
     return FitResult(fitted, tuple(training), zones or {}, reading_model(fitted, traces))

@@ -18,6 +18,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_trainer.circuits.circuit import AMBIENT, Addition, Circuit, Edge, Form, Node, Output, Parameter, Source
 from ambient_trainer.data.strict_yaml import Strict, load_yaml, parse_yaml, shipped_path, validated, wrong
+from ambient_trainer.data.units import watts_per_unit
 from ambient_trainer.lti.statespace import Hold
 
 _Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
@@ -62,7 +63,7 @@ class _Edge(Strict):
 class _Source(Strict):
     into: _Name
     signal: _Name
-    share: _Value = 1.0
+    share: _Value | None = None
 
 
 class _Output(Strict):
@@ -137,7 +138,7 @@ def load_circuit(name_or_path: str, besides: Sequence[str] = ()) -> Circuit:
 
     ``besides`` are names that the caller takes itself, for the message.
     """
-    path = shipped_path("--circuit", name_or_path, _LIBRARY, circuit_names(), besides)
+    path = shipped_path("circuit", name_or_path, _LIBRARY, circuit_names(), besides)
     return circuit_of_data(load_yaml(path), path)
 
 
@@ -238,7 +239,8 @@ class _Reading:
         node = self.file.nodes.get(source.into)
         if node is None or node.capacitance is None:
             self._fault(f"{place}.into", f"{source.into!r} is no node with a capacitance", "heat goes into a state")
-        return Source(source.into, source.signal, self._value(f"{place}.share", source.share, "1"))
+        share = watts_per_unit(source.signal) if source.share is None else source.share
+        return Source(source.into, source.signal, self._value(f"{place}.share", share, "1"))
 
     def _outputs(self) -> Iterator[Output]:
         for name, output in self.file.outputs.items():

@@ -14,26 +14,31 @@ from datetime import datetime, timezone
 import numpy as np
 import pandas as pd
 
-from ambient_model.faults import Refused
+from ambient_model.faults import Refused, refuse
 from ambient_model.trace import TIME, TraceReader, split_column
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace, frame_trace, load_trace
 
 _GAP = 3.0
 """In periods of its own: a longer step of a logger is a gap."""
+_SINCE_1970_S = 1e9
+"""No logger runs for 30 years: a larger start in seconds is Unix time, which is UTC."""
+_BY_NOTES = "the start in its notes"
 
 
 @dataclass(frozen=True)
 class Logged:
     """A trace as it was read, how many of its rows were left out because time did not increase, and its ``epoch``.
 
-    ``epoch_s`` is what to add to its time so that it stands on the first trace's clock, by what ``epoch`` says.
+    ``epoch_s`` is what to add to its time so that it stands on the first trace's clock, by what ``epoch`` says;
+    ``comparable`` is False where notes hold a start that could not be used.
     """
 
     trace: Trace
     dropped_rows: int
     epoch_s: float = 0.0
     epoch: str = "its time_s"
+    comparable: bool = True
 
     def moved(self, shift_s: float = 0.0) -> Trace:
         """The trace on the first one's clock."""
@@ -62,15 +67,17 @@ def on_one_epoch(traces: Sequence[Logged]) -> list[Logged]:
         ours, theirs = _start(first), _start(each.trace)
         overlap = min(first.time_s[-1], each.trace.time_s[-1]) - max(first.time_s[0], each.trace.time_s[0])
         if ours and theirs and ours[0] == theirs[0]:
-            found.append(replace(each, epoch_s=theirs[1] - ours[1], epoch="the start in its notes"))
+            found.append(replace(each, epoch_s=theirs[1] - ours[1], epoch=_BY_NOTES))
         elif overlap > 0:
             found.append(each)
         else:
             apart = float(first.time_s[0] - each.trace.time_s[0])
             found.append(replace(each, epoch_s=apart, epoch="its first sample, taken for simultaneous"))
-        unread = [trace.notes["start"] for trace in (first, each.trace) if "start" in trace.notes and not _start(trace)]
-        if unread:
-            found[-1] = replace(found[-1], epoch=f"{found[-1].epoch}: a start in notes is no date ({unread[-1]!r})")
+        starts = [repr(trace.notes["start"]) if "start" in trace.notes else "none" for trace in (each.trace, first)]
+        if found[-1].epoch != _BY_NOTES and starts != ["none", "none"]:
+            taken = ", taken for simultaneous" if overlap > 0 else ""
+            why = f"its start in notes ({starts[0]}) cannot be compared with the first trace's ({starts[1]})"
+            found[-1] = replace(found[-1], epoch=f"{found[-1].epoch}{taken}, since {why}", comparable=False)
     return found
 
 
@@ -80,7 +87,7 @@ def _start(trace: Trace) -> tuple[str, float] | None:
     number, _, unit = text.partition(" ")
     try:
         if unit == "s":
-            return "epoch", float(number)
+            return "UTC" if float(number) >= _SINCE_1970_S else "epoch", float(number)
         moment = datetime.fromisoformat(text.replace("Z", "+00:00"))
         if moment.tzinfo:
             return "UTC", moment.timestamp()
@@ -92,13 +99,18 @@ def _start(trace: Trace) -> tuple[str, float] | None:
 def joined(traces: Sequence[Trace]) -> Trace:
     """One trace with the columns of all, which are on one clock; the first gives the stamps.
 
-    A name that stands in several traces gets a number from the second on: ``ambient_2_degC``.
+    A name that stands in several gets a number from the second on: ``ambient_2_degC``. Refused: one without overlap.
     """
     first = traces[0]
     columns = dict(first.columns)
     for other in traces[1:]:
         for name, values in other.columns.items():
-            columns[_free(name, columns)] = _brought(other.time_s, values, first.time_s, name.endswith("_on"))
+            brought = _brought(other.time_s, values, first.time_s, name.endswith("_on"))
+            if np.isnan(brought).all() and (~np.isnan(values)).sum() > 1:
+                its, own = (f"{each.time_s[0]:.10g} to {each.time_s[-1]:.10g} s" for each in (other, first))
+                problem = f"no value at any time of the first trace (it has {its}, the first {own}, on one clock)"
+                raise refuse(other.path, f"column {name}", problem, "correct or remove 'start' in the notes")
+            columns[_free(name, columns)] = brought
     sources = ", ".join(os.path.basename(trace.path) for trace in traces)
     return Trace(first.path, first.time_s, columns, {**first.notes, "joined": sources})
 

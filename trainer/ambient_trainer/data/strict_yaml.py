@@ -135,6 +135,8 @@ def _fault(model: type[BaseModel], detail: ErrorDetails) -> Fault:
     hint = detail.get("ctx", {}).get("hint")
     if hint:
         return Fault(place, message, str(hint))
+    if kind == "model_type":
+        message = "input should be a mapping, 'key: value'"
     text = repr(detail["input"])
     shown = text if len(text) <= 40 else f"{text[:37]}..."
     return Fault(place, f"{shown}: {message[0].lower()}{message[1:]}", "correct it")

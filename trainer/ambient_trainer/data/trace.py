@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import os
+import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -65,10 +66,16 @@ class Trace:
         stop = len(self.time_s) if to_s is None else int(np.searchsorted(self.time_s, to_s))
         if stop <= start:
             whole = f"{self.time_s[0]:.10g} to {self.time_s[-1]:.10g} s" if len(self.time_s) else "no samples"
-            problem = f"nothing lies between --from and --to (the trace has {whole})"
-            raise refuse(self.path, "", problem, "choose others")
+            ends = [f"{word} {at_s:.10g} s" for word, at_s in (("from", from_s), ("to", to_s)) if at_s is not None]
+            problem = f"nothing lies {' '.join(ends)} (the trace has {whole})"
+            raise refuse(self.path, "", problem, "choose another window")
         kept = {name: values[start:stop] for name, values in self.columns.items()}
         return replace(self, time_s=self.time_s[start:stop], columns=kept)
+
+
+def is_reference(column: str) -> bool:
+    """Whether a column holds the ambient, of this trace or of one that was joined to it."""
+    return re.fullmatch(r"ambient(_[0-9]+)?_degC", column) is not None
 
 
 def load_trace(source: str | os.PathLike[str] | pd.DataFrame) -> Trace:

@@ -2,6 +2,7 @@
 
 from typing import TypeVar
 
+from ambient_model.trace import split_column
 from ambient_trainer.data.trace import Array
 
 _Value = TypeVar("_Value", float, Array)
@@ -29,6 +30,12 @@ BASES = {unit: base for base, units in _UNITS.items() for unit in units}
 def target_unit(column: str) -> str | None:
     """The base unit that the trace column's name ends with; None where it is not one of the known."""
     return max((base for base in _UNITS if column.endswith(f"_{base}")), key=len, default=None)
+
+
+def watts_per_unit(column: str) -> float:
+    """What one unit of a column of a power is in W: 1000 of ``heater_kW``; 1 of whatever is no power."""
+    unit = split_column(column)[1]
+    return to_base(1.0, unit) if BASES.get(unit) == "W" else 1.0
 
 
 def written(unit: str) -> str:

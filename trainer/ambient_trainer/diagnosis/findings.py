@@ -31,6 +31,7 @@ from ambient_trainer.diagnosis.greybox.regression import Fitted
 from ambient_trainer.diagnosis.greybox.revision import is_same, refit_as
 from ambient_trainer.diagnosis.greybox.stepwise import Selection
 from ambient_trainer.diagnosis.greybox.trials import Trial, penalised
+from ambient_trainer.diagnosis.misfit import in_watts
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Ranked, Step
 from ambient_trainer.report.words import digits, window
@@ -129,14 +130,22 @@ def _numbers(final: Fitted, index: int) -> tuple[Magnitude, dict[str, tuple[floa
     if (whole := mechanism.product()) is not None:
         magnitude = _product(mechanism, whole, covariance)
         parameters[magnitude.meaning.replace(" ", "_")] = (magnitude.value, magnitude.unit)
-        return magnitude, parameters
+        return _scaled(magnitude, final), parameters
     # amounts in one unit by their size, others by their coordinates
     same = len({number.unit for number in mechanism.numbers}) == 1
     size = [abs(n.value if same else n.z) * (not n.log) for n in mechanism.numbers]
     largest = size.index(max(size))
     main, tail = mechanism.numbers[largest], mechanism.sentence_tail()
     value, meaning = mechanism.stated(main.value), mechanism.meaning(main)
-    return Magnitude(value, main.unit, meaning, intervals[largest], tail), parameters
+    return _scaled(Magnitude(value, main.unit, meaning, intervals[largest], tail), final), parameters
+
+
+def _scaled(magnitude: Magnitude, final: Fitted) -> Magnitude:
+    """``magnitude``, qualified where its scale is heat's, which no power, resistance or capacitance determines."""
+    if not magnitude.unit.startswith(("W", "J", "K/W")) or in_watts(final.model.circuit):
+        return magnitude
+    qualifier = f"on the scale of the circuit's own capacitances, {magnitude.qualifier}".removesuffix(", ")
+    return replace(magnitude, qualifier=qualifier, scale_known=False)
 
 
 def _product(mechanism: Mechanism, whole: tuple[str, str, tuple[int, int]], covariance: Array) -> Magnitude:

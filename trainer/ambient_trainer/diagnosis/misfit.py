@@ -63,7 +63,7 @@ def misfit_of(circuit: Circuit, network: Network, record: Record, simulated_degC
     left, enough = np.array([bridged(row) for row in residual]), record.samples >= _SHORTEST
     window = heat_window_samples(nodes, left) if enough else 0
     heat_W = np.where(np.isnan(residual), np.nan, _heat_W(nodes, left, window) if enough else np.nan)
-    in_W = _in_watts(circuit)
+    in_W = in_watts(circuit)
     heat = heat_W if in_W else heat_W / nodes.C[: nodes.seen, None]
     sensors = tuple(output.name for output in circuit.outputs)
     air = record.inputs[circuit.inputs.index(REFERENCE)] if REFERENCE in circuit.inputs else None
@@ -80,7 +80,7 @@ def misfit_of(circuit: Circuit, network: Network, record: Record, simulated_degC
     return Misfit(sensors, record.sensors, simulated_degC, heat, unit, tests, error)
 
 
-def _in_watts(circuit: Circuit) -> bool:
+def in_watts(circuit: Circuit) -> bool:
     """Whether something fixed sets the scale of heat: temperatures alone determine only heat over capacitance."""
     fixed = {each.name: each.initial for each in circuit.parameters if not each.free}
     # a share that was given in watts for a load does as well; the default of one does for a power only

@@ -19,6 +19,8 @@ from ambient_trainer.report.files import finite
 from ambient_trainer.report.words import chance, clock, digits, duration, window
 
 SHOWN_RANKED = 8
+_SMALL_P = 0.05
+"""A larger one is left to the table: over few blocks no test finds it smaller, whatever the gain is."""
 _OF_WHITENESS = ("whiteness", "periodogram", "memory")
 
 
@@ -72,10 +74,10 @@ def _verdict(diagnosis: Diagnosis) -> str:
         what += [magnitude_text(step.magnitude), *filter(None, [step.magnitude.qualifier])]
     others = len(diagnosis.steps) - 1
     more = "" if not others else f" {others} more effect{'s' if others > 1 else ''} found."
+    sure = f", {chance(gain.p_value)}" if gain.p_value <= _SMALL_P else ""
     return (
         f"{', '.join(what)}: with it, the error on held-out data falls from {_degrees(gain.rmse_before_degC)} to "
-        f"{_degrees(gain.rmse_after_degC)} degC (gain {_degrees(low)} to {_degrees(high)} degC, "
-        f"{chance(gain.p_value)}).{more}"
+        f"{_degrees(gain.rmse_after_degC)} degC (gain {_degrees(low)} to {_degrees(high)} degC{sure}).{more}"
     )
 
 
@@ -174,7 +176,8 @@ def _tests(diagnosis: Diagnosis) -> Section:
     tests = diagnosis.misfit.tests
     # any misfit leaves a residual that is not white: what it follows says more
     beyond = sorted((each for each in tests if each.significant), key=lambda each: each.name in _OF_WHITENESS)
-    found = [Finding(f"{len(beyond)} of {len(tests)} tests of the residual are significant.")]
+    small = "" if diagnosis.steps or not beyond else " What they find is too small to matter."
+    found = [Finding(f"{len(beyond)} of {len(tests)} tests of the residual are significant.{small}")]
     found += [Finding(each.sentence, label=each.name) for each in beyond[:SHOWN_RANKED]]
     if (more := len(beyond) - SHOWN_RANKED) > 0:
         found.append(Finding(f"And {more} more: --report or --json shows them all."))
@@ -203,7 +206,9 @@ def steps_table(diagnosis: Diagnosis) -> Table:
     caption = (
         "Held-out: the simulation's RMSE over all sensors in degC, on blocks of time that it was not fitted to, "
         "without and with the cause, of causes that are found only together beside all others; the interval "
-        f"(95 %) is of their difference. p is corrected for the {diagnosis.candidates_tried:,} candidates tried."
+        "(95 %) is of their difference. p is of a signed-rank test over the blocks, corrected for the "
+        f"{diagnosis.candidates_tried:,} candidates tried: few blocks cannot make it small, and it does not decide. "
+        f"What is taken, and its confidence, follow from the held-out error.{_scale(diagnosis.explained)}"
     )
     rows = [
         (f"{number}. {step.cause}", *_effect_cells(step), f"{100 * step.confidence:.1f} %")
@@ -217,7 +222,13 @@ def ranking_table(diagnosis: Diagnosis) -> Table:
     shown = diagnosis.ranking[:SHOWN_RANKED]
     caption = f"The best {len(shown)} of {diagnosis.candidates_tried:,} candidates for the first effect; RMSE in degC."
     rows = [(str(each.cause), each.remark or "-", *_effect_cells(each)) for each in shown]
-    return Table(caption, ("candidate", "remark", *_EFFECT), rows, labels=3)
+    return Table(caption + _scale(shown), ("candidate", "remark", *_EFFECT), rows, labels=3)
+
+
+def _scale(shown: Sequence[Step | Ranked]) -> str:
+    """What a caption says of magnitudes whose scale these data do not determine."""
+    known = all(each.magnitude is None or each.magnitude.scale_known for each in shown)
+    return "" if known else " Watts are on the scale of the circuit's own capacitances: fix one, or add a power source."
 
 
 _EFFECT = ("when", "magnitude (95 %)", "held-out RMSE", "gain (95 %)", "p")

@@ -41,7 +41,9 @@ class Magnitude:
     """What the number is, in words."""
     ci95: tuple[float, float]
     qualifier: str = ""
-    """A clause on how it varies; empty where it does not."""
+    """A clause on its scale and on how it varies; empty where neither needs one."""
+    scale_known: bool = True
+    """False where only the circuit's own capacitances set the scale of watts: no logged power does."""
 
 
 @dataclass(frozen=True)

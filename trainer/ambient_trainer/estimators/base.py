@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Quantiles
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data import Array, Segment, Trace, sampling_period_s, segments
+from ambient_trainer.data.trace import is_reference
 from ambient_trainer.estimation import Budget, Progress, Structure
 from ambient_trainer.estimators.estimate import blended, estimate_degC
 from ambient_trainer.lti import Hold, StateSpace, dc_gain, discretised, response_degC
@@ -41,6 +42,7 @@ def fit_static_linear(segments: Sequence[Segment]) -> StaticLinear:
     return StaticLinear(solution[:-1], float(solution[-1]), float(np.sqrt(np.mean(errors**2))))
 
 
+LEFT_OUT = "Left out: "  # so begins a fit's note on columns that it does not read
 _NO_SENSOR = 1e9
 """No quantity of a device is as large in any of a trace's units: such a value is an error code."""
 _BRIDGED_S = 120.0
@@ -53,8 +55,8 @@ def source_of(traces: Sequence[Trace]) -> str:
 
 
 def temperature_columns(traces: Sequence[Trace]) -> tuple[str, ...]:
-    """Every ``_degC`` column of the first trace but the reference."""
-    names = tuple(name for name in traces[0].columns if name.endswith("_degC") and name != REFERENCE)
+    """Every ``_degC`` column of the first trace but the references."""
+    names = tuple(name for name in traces[0].columns if name.endswith("_degC") and not is_reference(name))
     if not names:
         raise refuse(traces[0].path, "line 1", "no '_degC' column besides the reference", "log a sensor")
     return names
@@ -145,6 +147,8 @@ class Estimator(ABC):
     """What a user calls it."""
     reads_any = True
     """Whether it reads whatever temperatures it is given; otherwise it names its own trace columns."""
+    own_columns: Sequence[str] = ()
+    """The trace columns that it names, where it does not read any."""
     starts_apart = False
     """Whether a fit is no more than its best search, so that several may make them and compare the ends."""
 
@@ -167,7 +171,11 @@ class Estimator(ABC):
         """
         training = self.training(traces, inputs, period_s, effort.pieces)
         with threadpool_limits(1):
-            return self.fit_to(training, effort, progress)
+            fit = self.fit_to(training, effort, progress)
+        further = [each for each in traces[0].columns if is_reference(each) and each != REFERENCE]
+        if inputs or not further or not self.reads_any:
+            return fit
+        return replace(fit, notes=(*fit.notes, f"{LEFT_OUT}{', '.join(further)}: a further reference is no sensor."))
 
     def training(
         self, traces: Sequence[Trace], inputs: Sequence[str] | None, period_s: float | None, pieces: int

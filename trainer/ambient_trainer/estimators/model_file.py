@@ -86,7 +86,7 @@ def require_zones(zones: Mapping[str, str], names: Sequence[str]) -> None:
     """Refuse the zones of what is none of the inputs' ``names``."""
     unknown = sorted(set(zones) - set(names))
     if unknown:
-        raise refuse("--zone", "", f"{', '.join(unknown)}: no such input", f"inputs are {', '.join(names)}")
+        raise refuse("zones", "", f"{', '.join(unknown)}: no such input", f"inputs are {', '.join(names)}")
 
 
 def training_of(trace: Trace, from_s: float | None, to_s: float | None) -> dict[str, Any]:

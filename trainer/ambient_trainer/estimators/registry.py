@@ -22,7 +22,7 @@ class CircuitEstimator(Estimator):
 
     def __init__(self, circuit: Circuit) -> None:
         self.circuit = circuit
-        self.name = circuit.name
+        self.name, self.own_columns = circuit.name, circuit.inputs
 
     def training(
         self, traces: Sequence[Trace], inputs: Sequence[str] | None, period_s: float | None, pieces: int
@@ -64,14 +64,14 @@ def estimator(name: str, sensors: Sequence[str] = ()) -> Estimator:
     found = _find(name) or CircuitEstimator(load_circuit(name, estimator_names()))
     if sensors and not found.reads_any:
         reading_any = [each for each in estimator_names() if getattr(_find(each), "reads_any", False)]
-        raise refuse("--sensors", "", f"{found.name} names its own", f"use it with {', '.join(reading_any)}")
+        raise refuse("sensors", "", f"{found.name} names its own", f"use it with {', '.join(reading_any)}")
     return found
 
 
 def thermal_circuit(name: str) -> Circuit:
     """The circuit called ``name``, whose nodes and parameters have a meaning; estimators without one are refused."""
     if _find(name) is not None:
-        raise refuse("--circuit", "", f"{name} has no parameters with a meaning", "name a thermal circuit")
+        raise refuse("circuit", "", f"{name} has no parameters with a meaning", "name a thermal circuit")
     return load_circuit(name)
 
 

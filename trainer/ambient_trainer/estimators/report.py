@@ -70,9 +70,10 @@ def findings(fit: Fit) -> list[Finding]:
     if fit.rmse_degC > fit.baseline.rmse_degC:
         found.append(Finding("The static formula is better on the training data: this circuit does not suit them."))
     if gain > _LARGE_GAINS:
+        others = "or fewer sensors," if fit.effort.pieces > 1 else "fewer sensors or --pieces 12"
         text = (
             f"The sensors' DC gains add up to {gain:.1f} in absolute value: large opposite gains amplify noise and "
-            "every cold start. --pieces 12, or a trace that reaches a steady state, keeps them small."
+            f"every cold start. A trace that reaches a steady state, {others} may keep them small."
         )
         found.append(Finding(text))
     return found

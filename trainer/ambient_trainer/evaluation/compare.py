@@ -9,6 +9,7 @@ from ambient_model.model import Model
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators import Effort, Fit, estimator, model_of, reading_model, training_of
+from ambient_trainer.estimators.base import LEFT_OUT
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_cold, evaluate_run_in
 from ambient_trainer.report import Finding, Report, Section, Table
 
@@ -68,11 +69,12 @@ def report_of(estimators: Sequence[ScoredFit]) -> Report:
     """The report of a comparison, the best contender last."""
     ranked = sorted(estimators, key=lambda each: -each.running.metrics.rmse_degC)
     best = ranked[-1]
+    left_out = dict.fromkeys(note for each in estimators for note in each.fit.notes if note.startswith(LEFT_OUT))
     stopped = f"Stopped: of {estimators[-1].fit.circuit} this is the best so far; what comes after was not fitted."
     return Report(
         subject="Comparison",
         title=f"{best.fit.circuit}: {best.running.metrics.rmse_degC:.2f} degC (RMSE) on held-out samples",
-        lead=[Finding(stopped, "warning") if estimators[-1].fit.stopped else None],
+        lead=[Finding(stopped, "warning") if estimators[-1].fit.stopped else None, *map(Finding, left_out)],
         sections=[Section("", [Table(_CAPTION, _COLUMNS, [_row(each) for each in ranked])])],
         data={"contenders": [_data(each) for each in estimators]},
     )

@@ -17,7 +17,7 @@ from ambient_model.trace import REFERENCE
 from ambient_model.tracking import Tracker, bridge_limit_s, nearest_discrete
 from ambient_trainer.data import Array, Trace, sampling_period_s
 from ambient_trainer.estimators import STATIC_LINEAR, overlaps_training, provenance_of
-from ambient_trainer.evaluation.metrics import Metrics, coverage, score
+from ambient_trainer.evaluation.metrics import Metrics, coverage, score, widened_coverage
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,9 @@ class Baseline:
 class Evaluation:
     """A model's estimate over a trace of n samples and how wrong it is; arrays are of shape (n,), NaN where missing.
 
-    ``low_degC`` and ``high_degC`` are the published 90 % interval, ``error_degC`` is reference minus estimate, and
-    ``coverage`` the share of errors inside the published interval of each level in percent.
+    ``low_degC`` and ``high_degC`` are the published 90 % interval, ``error_degC`` is reference minus estimate.
+    ``coverage`` is the share of errors inside the model file's interval of each level in percent, and
+    ``published_coverage`` that inside what a device publishes: wider where readings are refused, missing or coarse.
     """
 
     trace: str
@@ -48,6 +49,7 @@ class Evaluation:
     error_degC: Array
     metrics: Metrics
     coverage: dict[int, float]
+    published_coverage: dict[int, float]
     trace_period_s: float
     period_s: float
     """The period of the recursion that ran."""
@@ -138,7 +140,8 @@ def evaluate_trace(model: Model, trace: Trace, from_s: float | None = None) -> E
         hint = "fill the columns, and see that the sensors lie within the ranges of the model file"
         raise refuse(trace.path, "", problem, f"two with both are wanted: {hint}")
     variance = model.error_variance
-    published = (model.main.interval, 1.0) if variance is None else (variance.quantiles, found.sigma_degC[scored])
+    interval = (model.main.interval, 1.0) if variance is None else (variance.quantiles, found.sigma_degC[scored])
+    ends = np.stack([found.low_degC, found.high_degC]) - found.ambient_degC
     return Evaluation(
         trace=trace.path,
         time_s=trace.time_s,
@@ -150,7 +153,8 @@ def evaluate_trace(model: Model, trace: Trace, from_s: float | None = None) -> E
         reference_degC=trace.reference,
         error_degC=error,
         metrics=score(error[scored]),
-        coverage=coverage(error[scored], *published),
+        coverage=coverage(error[scored], *interval),
+        published_coverage=widened_coverage(error[scored], ends[:, scored], *interval),
         trace_period_s=trace_period_s,
         period_s=discrete.period_s,
         baseline=_baseline(model, found.used, trace.reference, scored),

@@ -10,11 +10,12 @@ import numpy as np
 import pandas as pd
 from scipy.stats import norm
 
-from ambient_model.model import LEVELS_PERCENT, Quantiles
+from ambient_model.model import LEVELS_PERCENT, SCORES, Quantiles
 from ambient_trainer.data.trace import Array
 
 ROLLING_SAMPLES = 20
 ROLLING_LEVEL_PERCENT = 98
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,22 @@ def coverage(error_degC: Array, interval: Quantiles, scale: Array | float = 1.0)
         level: float(np.mean((low * scale <= error_degC) & (error_degC <= high * scale)))
         for level, (low, high) in interval.items()
     }
+
+
+def widened_coverage(
+    error_degC: Array, published90_degC: Array, interval: Quantiles, scale: Array | float = 1.0
+) -> dict[int, float]:
+    """The same of an interval that a device widens by a variance; its 90 % one, less the estimate, is (2, n)."""
+    own = np.multiply.outer(np.array(interval[90]), scale).reshape(2, -1)
+    added = published90_degC**2 - own**2
+    added = np.where(added > _ROUNDING * own**2, added, 0.0)
+    shares = {}
+    for level, quantiles in interval.items():
+        ends = np.multiply.outer(np.array(quantiles), scale).reshape(2, -1)
+        reach = np.sqrt(ends**2 + added * (SCORES[level] / SCORES[90]) ** 2)
+        low, high = np.where(added > 0, np.array([[-1.0], [1.0]]) * reach, ends)
+        shares[level] = float(np.mean((low <= error_degC) & (error_degC <= high)))
+    return shares
 
 
 def rolling_band(error_degC: Array) -> tuple[Array, Array]:

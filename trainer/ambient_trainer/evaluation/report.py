@@ -20,7 +20,7 @@ from ambient_trainer.report import Facts, Figure, Finding, Plot, Report, Section
 _COLUMNS = ("trace", "method", "RMSE", "MAE", "MBE", "98 % interval", "in 50/90/98 %", "samples")
 _CAPTION = (
     "Errors in degC, true minus estimate. 98 % interval: mean ± 2.33 standard deviations of the errors. "
-    "In 50/90/98 %: the percentage of errors inside the interval of that level that the model file publishes."
+    "In 50/90/98 %: the percentage of errors inside a device's interval of that level, widened where it lacks readings."
 )
 _SEEN = (
     "Not held out: the model was trained on samples of {} that it is evaluated on here. The figures are no measure of "
@@ -65,9 +65,9 @@ def _findings(evaluations: Sequence[Evaluation], samples: int) -> Iterator[Findi
     inside = sum(each.coverage[90] * each.scored for each in evaluations) / samples
     within = ((each.low_degC <= each.reference_degC) & (each.reference_degC <= each.high_degC) for each in evaluations)
     widened = sum(int(each.sum()) for each in within) / samples
-    shown = f"The model's published 90 % interval holds {100 * inside:.1f} % of the errors"
+    shown = f"The 90 % interval that a device publishes holds {100 * widened:.1f} % of the errors"
     if f"{100 * widened:.1f}" != f"{100 * inside:.1f}":
-        shown += f", {100 * widened:.1f} % as it is widened where readings are refused, missing or coarse"
+        shown += f" ({100 * inside:.1f} % before it is widened for refused, missing or coarse readings)"
     if widened < _TOO_FEW:
         yield Finding(f"{shown}: it is too narrow here. Train on logs that are as long and as varied.", "warning")
     else:
@@ -81,7 +81,7 @@ def _metrics_table(evaluations: Sequence[Evaluation], labels: Sequence[str]) -> 
     rows: list[tuple[str, ...]] = []
     for label, each in zip(labels, evaluations):
         trace = f"{label} (training data)" if each.overlaps_training else label
-        shares = "/".join(f"{100 * share:.1f}" for share in each.coverage.values())
+        shares = "/".join(f"{100 * share:.1f}" for share in each.published_coverage.values())
         for method, metrics in each.by_method.items():
             low, high = metrics.interval_degC[98]
             errors = f"{metrics.rmse_degC:.2f}", f"{metrics.mae_degC:.2f}", f"{metrics.mbe_degC:+.2f}"
@@ -109,7 +109,7 @@ def _facts(model: Model) -> list[tuple[str, str | list[str]]]:
         ("estimates", model.output),
         ("reads", [f"{each.name}, {each.min:g} to {each.max:g} {written(each.unit)}" for each in main.inputs]),
         ("periods", ", ".join(f"{each.period_s:g} s" for each in main.discrete)),
-        ("published interval", bands + growing),
+        ("interval in the file", bands + growing),
         ("trained on", training or "not named in the model file"),
         ("created", model.created),
     ]
@@ -157,6 +157,7 @@ def _trace_data(evaluation: Evaluation) -> dict[str, Any]:
         "trace": evaluation.trace,
         **_metrics_data(evaluation.metrics),
         "coverage": {str(level): share for level, share in evaluation.coverage.items()},
+        "published_coverage": {str(level): share for level, share in evaluation.published_coverage.items()},
         "status": dict(Counter(evaluation.status.tolist())),
         "unscored": evaluation.without_estimate + evaluation.without_reference,
         **{name: getattr(evaluation, name) for name in _AS_THEY_ARE},

@@ -45,11 +45,12 @@ class Stressed:
     tracking_off: float
 
 
-def stress(model: Model, trace: Trace, seed: int = 0) -> tuple[Stressed, ...]:
-    """Run ``model`` over ``trace``, which can be evaluated, under every condition."""
+def stress(model: Model, trace: Trace, seed: int = 0, from_s: float = -np.inf) -> tuple[Stressed, ...]:
+    """Run ``model`` over ``trace``, which can be evaluated, under every condition, and score it from ``from_s`` on."""
     period_s = sampling_period_s(trace.time_s)
-    found = [_stressed(name, model, trace, change, seed, -np.inf) for name, change in _conditions(model, period_s)]
-    middle_s = float(trace.time_s[0] + trace.time_s[-1]) / 2
+    first_s = max(from_s, float(trace.time_s[0]))
+    found = [_stressed(name, model, trace, change, seed, first_s) for name, change in _conditions(model, period_s)]
+    middle_s = (first_s + float(trace.time_s[-1])) / 2
     before_s, wrong_s = max(_BEFORE_S, _BEFORE * period_s), max(_WRONG_S, _WRONG * period_s)
     part = trace.cut(middle_s - before_s, middle_s + wrong_s)
     onset = int(np.searchsorted(part.time_s, middle_s))
@@ -145,7 +146,7 @@ def section_of(results: Sequence[Stressed]) -> Section:
 def _figure(results: Sequence[Stressed]) -> Plot:
     figure = plots.panel_figure("error [°C]", "", 120 + 18 * len(results))
     shown = list(reversed(results))
-    names = [each.condition for each in shown]
+    names = [each.condition.replace("degC", "°C") for each in shown]
     figure.add_bar(x=[each.largest_degC for each in shown], y=names, orientation="h", name="largest")
     figure.add_bar(x=[each.rmse_degC for each in shown], y=names, orientation="h", name="RMSE")
     return figure

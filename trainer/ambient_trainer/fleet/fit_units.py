@@ -20,7 +20,7 @@ from ambient_model.faults import Refused
 from ambient_model.model import SCORES
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.grid import sampling_period_s
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.data.trace import Array, Trace, is_reference
 from ambient_trainer.estimators import USUAL, Effort, Fit, estimator, model_of
 from ambient_trainer.estimators.model_file import MAIN, estimators_of, with_estimators
 from ambient_trainer.fleet.dataset import FEWEST, Entry, Log, Source, logs, reason_of, too_few
@@ -107,7 +107,7 @@ def initialise(efforts: Sequence[Effort], wanted: Sequence[Entry], question: Que
                 break
         if method.reads_any and not columns:  # temperatures of more than half, in the order of the first that has them
             counts = Counter(name for trace in read for name in trace.columns if name.endswith("_degC"))
-            columns = tuple(name for name, count in counts.items() if 2 * count > len(read) and name != REFERENCE)
+            columns = tuple(name for name, count in counts.items() if 2 * count > len(read) and not is_reference(name))
         periods_s = [sampling_period_s(trace.time_s) for trace in read] or [1.0]
         # a clock that was set within a log makes no long one, and a slower logger no coarse grid for all
         own_s = float(np.quantile(periods_s, 0.5, method="higher"))

@@ -90,8 +90,8 @@ def _listed(question: Question, progress: Progress) -> list[Entry]:
     if question.forward is not None:
         try:
             thermal_circuit(question.forward)
-        except Refused as refused:  # a name that none has is refused as --circuit's
-            raise Refused(refused.source.replace("--circuit", "--diagnose"), list(refused.faults)) from refused
+        except Refused as refused:  # a name that none has is refused as the circuit's
+            raise Refused("diagnose" if refused.source == "circuit" else refused.source, [*refused.faults]) from refused
     progress("listing units", 0, 1)
     listed = entries(question.path, question.source)
     if sum(each.fault is None for each in listed) < FEWEST:

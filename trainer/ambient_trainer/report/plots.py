@@ -115,7 +115,7 @@ def panel_figure(x_title: str, y_title: str, height_px: int) -> Plot:
     _style(figure, height_px)
     figure.update_layout(hovermode="closest", margin={**_MARGIN_PX, "t": 30})
     figure.update_xaxes(title_text=_plain(x_title))
-    figure.update_yaxes(title_text=_plain(y_title))
+    figure.update_yaxes(title_text=_plain(y_title), automargin=True)
     return figure
 
 
@@ -160,7 +160,7 @@ def matrix_figure(
     hover = "%{y}, %{x}: %{text}<extra></extra>"
     figure.add_heatmap(**places, **written, **coloured, hovertemplate=hover)
     figure.update_xaxes(type="category", showgrid=False)
-    figure.update_yaxes(autorange="reversed", automargin=True, showgrid=False)
+    figure.update_yaxes(autorange="reversed", showgrid=False)
     return figure
 
 

@@ -12,6 +12,7 @@ import pandas as pd
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data import Trace, noise_of
+from ambient_trainer.data.trace import is_reference
 
 LOWEST_DEGC, HIGHEST_DEGC = -60.0, 200.0
 """Beyond these no zone of a device that runs can be: what reads so is not connected."""
@@ -49,6 +50,8 @@ def screened(traces: Sequence[Trace]) -> tuple[tuple[Sensor, ...], dict[str, str
     for name in table:
         without = [trace.path for trace, frame in zip(traces, frames) if name not in frame]
         why[name] = f"not in {', '.join(without)}" if without else _unusable(table[name])
+        if is_reference(name):
+            why[name] = "a further reference is no sensor"
     usable = [name for name in table if why[name] is None]
     why |= {name: _stuck(name, table[usable], [frame[usable] for frame in frames]) for name in usable}
     kept: list[str] = []

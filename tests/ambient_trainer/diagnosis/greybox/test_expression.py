@@ -34,6 +34,7 @@ def test_expressions_are_what_they_say(text, value):
 
 def test_columns_are_those_that_are_read_and_a_level_or_a_delay_is_a_number_of_its_own():
     assert Expression("d(current_A^2)/dt * sqrt(charge_As)").columns == ("current_A", "charge_As")
+    assert [Expression(each).per("W") for each in ("wind_m_s^2", "current_A^2")] == ["W/(m/s)^2", "W/A^2"]
     late = ((f"{each}(charge_As, 25)", f"{each}(charge_As, 30)") for each in LATE)
     for text, moved in (*late, ("current_A > -0.5", "current_A > 30")):
         expression = Expression(text)

@@ -52,7 +52,10 @@ def command(
     from ambient_trainer.estimators.registry import estimator
 
     output.check([*trace_paths, circuit], [model_path])
-    traces = [load_trace(path).cut(data["from_s"], data["to_s"]) for path in trace_paths]
+    whole, to_s = [load_trace(path) for path in trace_paths], data["to_s"]
+    if to_s is not None and (end_s := max(float(trace.time_s[-1]) for trace in whole)) < to_s:
+        click.echo(f"ambient-trainer: --to {to_s:.10g} leaves out nothing: the log ends at {end_s:.10g} s", err=True)
+    traces = [trace.cut(data["from_s"], to_s) for trace in whole]
     samples = sum(int(np.isfinite(trace.reference).sum()) for trace in traces if REFERENCE in trace.columns)
     searches = estimator(circuit, sensor_columns(data["sensors"])).searches(effort)
     data |= {name: dict(data[name]) for name in ("zones", "resolution")}

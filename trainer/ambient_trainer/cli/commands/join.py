@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ambient_trainer import cli
-from ambient_trainer.report import Finding, Report, Table
+from ambient_trainer.report import Finding, Report, Status, Table
 
 if TYPE_CHECKING:
     from ambient_trainer.data.join import Logged
@@ -47,6 +47,7 @@ def command(
     output.check(trace_paths, [trace_out])
     first, *others = on_one_epoch([load_logged(path) for path in trace_paths])
     shifts = [clock_shift(first.moved(), other.moved(), within_s) for other in others]
+    statuses: list[Status] = ["plain" if each.comparable else "warning" for each in others]
     moves_s = [each.shift_s if apply and each is not None and each.significant else 0.0 for each in shifts]
     trace = joined([first.moved(), *[other.moved(move_s) for other, move_s in zip(others, moves_s)]])
     moved = {f"shift_{os.path.basename(each.trace.path)}": f"{by:g} s" for each, by in zip(others, moves_s) if by}
@@ -54,7 +55,7 @@ def command(
     save_trace(trace_out, trace)
     blocks: list[Any] = [
         Table("", ("trace", "samples", "rows left out", "shift", "95 %", "by"), list(map(_row, others, shifts))),
-        *[Finding(_sentence(*each)) for each in zip(others, shifts, moves_s)],
+        *map(Finding, map(_sentence, others, shifts, moves_s), statuses),
     ]
     data = {"samples": len(trace.time_s), "columns": list(trace.columns), "traces": [
         _data(*each) for each in zip([first, *others], [None, *shifts], [0.0, *moves_s])

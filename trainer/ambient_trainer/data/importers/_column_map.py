@@ -73,9 +73,9 @@ _CONSTANT = holds(lambda value: abs(value) <= LARGEST, "it is {:g}", "give what 
 
 
 class TimeSource(Strict):
-    """Where the time stands and how it is written: a number in ``unit``, or text in ``format``."""
+    """Where the time stands and how: a number in ``unit``, or text in ``format``, of several columns with blanks."""
 
-    column: Text
+    columns: Annotated[Texts, Field(alias="column", min_length=1)]
     unit: Literal["ns", "us", "ms", "s", "min", "h"] | None = None
     format: str | None = None
     not_increasing: Literal["refuse", "drop"] = "refuse"
@@ -84,6 +84,8 @@ class TimeSource(Strict):
         if (self.unit is None) == (self.format is None):
             problem = "neither 'unit' nor 'format'" if self.unit is None else "both 'unit' and 'format'"
             yield problem, "give 'unit: s' for a number, or 'format: \"%Y-%m-%d %H:%M:%S\"' for a date"
+        if self.unit and len(self.columns) > 1:
+            yield "a number in several columns", "name one, or give 'format' for a date and a time"
 
 
 class ColumnSource(Strict):
@@ -128,10 +130,11 @@ class ColumnMap(Strict):
 
     def asked(self) -> dict[str, str]:
         """The columns of the table that are read, by the place in the map that asks for each."""
-        asked = {"time.column": self.time.column}
-        for name, source in self.columns.items():
-            for index, each in enumerate(source.sources):
-                asked[f"columns.{name}.from[{index}]" if len(source.sources) > 1 else f"columns.{name}.from"] = each
+        named = {f"columns.{name}.from": source.sources for name, source in self.columns.items()}
+        asked = {}
+        for place, sources in {"time.column": self.time.columns, **named}.items():
+            for index, each in enumerate(sources):
+                asked[f"{place}[{index}]" if len(sources) > 1 else place] = each
         return asked | {f"drop_rows.{name}": name for name in self.drop_rows}
 
     def _wrong(self) -> Iterator[tuple[str, str]]:

@@ -3,7 +3,9 @@
 import csv
 import io
 import itertools
+import json
 import os
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -27,6 +29,8 @@ _UNREADABLE = "they cannot be read"
 _UNWANTED = "the map's 'drop_rows' names them"
 _NOT_INCREASING = "their time did not increase"
 _LISTED = "correct it, or list it under 'missing' in the map"
+_SPREADSHEETS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  # .xlsx and .ods, which are zip archives; .xls
+_DATED = re.compile("%[YyGcx]|^iso$")
 _SECONDS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 _TIME_DIGITS, _VALUE_DIGITS = 6, 9
 """Microseconds; and what conversion between units leaves of a decimal number, without the rounding of binary ones."""
@@ -62,7 +66,7 @@ def import_table(path: str, column_map: ColumnMap, source: str) -> Imported:
     dropped = {why: count for why, count in dropped.items() if count}
     taken = {name: values[kept] for name, values in columns.items()}
     taken.update({name: np.full(int(kept.sum()), value) for name, value in column_map.constants.items()})
-    notes = {"source": os.path.basename(path), "start": start}
+    notes = {"source": os.path.basename(path)} | ({"start": start} if start else {})
     if dropped:
         notes["dropped_rows"] = str(sum(dropped.values()))
     if column_map.constants:
@@ -77,13 +81,15 @@ def decoded(path: str, encoding: str | None) -> str:
         raw = Path(path).read_bytes()
     except OSError as error:
         raise refuse(path, "", f"cannot be read ({error.strerror})", "check the name and the permissions") from error
+    if raw.startswith(_SPREADSHEETS):
+        raise refuse(path, "", "is a spreadsheet, or another archive, not text", "save it as CSV")
     chosen = encoding or ("utf-16" if raw.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig")
     try:
         return raw.decode(chosen)
     except UnicodeError as error:
         line = raw[: getattr(error, "start", 0)].count(b"\n") + 1
         hint = "name its encoding in the map, such as 'encoding: cp1252'"
-        raise refuse(path, f"line {line}", f"is not {chosen} text", hint) from error
+        raise refuse(path, f"line {line}", f"is not {chosen.removesuffix('-sig')} text", hint) from error
 
 
 def _cells(path: str, layout: ColumnMap, source: str) -> tuple[pd.DataFrame, dict[str, int]]:
@@ -154,9 +160,12 @@ def _rows(path: str, layout: ColumnMap) -> Iterator[_Row]:
 
 def _check_asked(path: str, line: int, names: list[str], asked: dict[str, str], source: str) -> None:
     faults = []
+    hint = f"line {line} has {', '.join(names)}"
+    if len(names) == 1 and (parted := next((each for each in ";\t|" if each in names[0]), None)):
+        hint += f": if these are several columns, say 'delimiter: {json.dumps(parted)}' in the map"
     for place, name in asked.items():
         if name not in names:
-            faults.append(Fault(place, f"no column '{name}' in {path}", f"line {line} has {', '.join(names)}"))
+            faults.append(Fault(place, f"no column '{name}' in {path}", hint))
         elif names.count(name) > 1:
             faults.append(Fault(place, f"column '{name}' is duplicated in {path}", f"rename one in line {line}"))
     if faults:
@@ -168,7 +177,9 @@ class _Reading:
 
     def __init__(self, path: str, cells: pd.DataFrame, column_map: ColumnMap) -> None:
         self.path = path
-        self.cells = cells
+        times = column_map.time.columns
+        self.time_column = " + ".join(times)
+        self.cells = cells.assign(**{self.time_column: list(map(" ".join, zip(*(cells[each] for each in times))))})
         self.map = column_map
         self.unreadable: Mask = np.zeros(len(cells), dtype=bool)
 
@@ -182,19 +193,21 @@ class _Reading:
             raise refuse(self.path, place, *fault(self.cells[column].iloc[row]))
 
     def time(self) -> tuple[Array, str]:
-        """Seconds since the first row, to the microsecond, and the first row's time: an ISO date, or seconds."""
+        """Seconds since the first row, to the microsecond, and its time: an ISO date, seconds, or "" without a day."""
         source = self.map.time
-        texts = self.cells[source.column].tolist()
+        texts = self.cells[self.time_column].tolist()
         moments, wrong = _parsed(texts, lambda text: _moment(text, self.map))
         kind = f"the format {source.format!r}" if source.format else "a number"
         hint = "correct or remove the row, or describe the time otherwise in the map"
-        self._bad(wrong, source.column, lambda text: (f"{text!r} is not {kind}", hint))
+        self._bad(wrong, self.time_column, lambda text: (f"{text!r} is not {kind}", hint))
         first = int(np.argmax(np.isfinite(moments)))
         with np.errstate(over="ignore", invalid="ignore"):
             seconds = np.round((moments - moments[first]) * _SECONDS[source.unit or "s"], _TIME_DIGITS)
         problem = f"is no time to count from {texts[first]!r}"
         beyond = ~(np.abs(seconds) <= LARGEST)
-        self._bad(beyond, source.column, lambda text: (f"{text!r} {problem}", "correct or remove the row"))
+        self._bad(beyond, self.time_column, lambda text: (f"{text!r} {problem}", "correct or remove the row"))
+        if source.format and not _DATED.search(source.format):
+            return seconds, ""
         if source.format and np.isfinite(moments[first]):
             return seconds, _date(texts[first], source.format).isoformat()
         return seconds, f"{moments[first] * _SECONDS[source.unit or 's']:.15g} s"
@@ -223,10 +236,12 @@ class _Reading:
         source = self.map.time
         if source.not_increasing == "refuse" and not later.all():
             index = int(np.argmin(later))
-            before, text = self.cells[source.column].iloc[rows[[index - 1, index]]]
-            problem = f"{text} does not come after {before} (rows out of order: {int((~later).sum())})"
-            hint = "correct the rows, or drop them with 'not_increasing: drop' in the map's 'time'"
-            raise refuse(self.path, f"line {self.cells.index[rows[index]]}, column {source.column}", problem, hint)
+            before, text = self.cells[self.time_column].iloc[rows[[index - 1, index]]]
+            dated = not source.format or _DATED.search(source.format)
+            why = "was the clock set back?" if dated else "does the day change there? Name a column of the date too;"
+            problem, lost = f"{text} does not come after {before}", f"leaves out {(~later).sum()} of {len(later)} rows"
+            hint = f"{why} correct the rows; 'not_increasing: drop' in the map's 'time' {lost}"
+            raise refuse(self.path, f"line {self.cells.index[rows[index]]}, column {self.time_column}", problem, hint)
         kept = np.zeros(len(time_s), dtype=bool)
         kept[rows[later]] = True
         return kept

@@ -65,7 +65,8 @@ class Expression:
         name, _, power = text.partition("^")
         if self.columns == (name,):
             own = unit_of(name)
-            return f"{unit}/{own}^{power}" if power else f"{unit} per {own}" if own else unit
+            raised = f"({own})" if "/" in own else own
+            return f"{unit}/{raised}^{power}" if power else f"{unit} per {own}" if own else unit
         return unit if self.switches else f"{unit} per {self.text}"
 
     @property

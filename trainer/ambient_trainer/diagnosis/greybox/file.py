@@ -37,9 +37,9 @@ def extended_circuit(circuit: Circuit, model: GreyBox) -> Circuit:
     kept, result = _added(with_values(circuit, values), model)
     if kept or len(result.states) > len(circuit.states):
         kept, result = _added(with_values(forward(circuit), values), model)
-    causes = ", ".join(map(str, model.mechanisms))
+    about = f"{circuit.about}; with {', '.join(map(str, model.mechanisms))}".removeprefix("; ")
     name = result.name if result.name.endswith(_SUFFIX) else result.name + _SUFFIX
-    return replace(result, name=name, about=f"{circuit.about}; with {causes}", mechanisms=tuple(kept))
+    return replace(result, name=name, about=about, mechanisms=tuple(kept))
 
 
 def _added(circuit: Circuit, model: GreyBox) -> tuple[list[Addition], Circuit]:

@@ -46,7 +46,7 @@ def autocorrelation_time_s(series: Array, step_s: float) -> float:
 def autocorrelation_test(series: Array, sensor: str, step_s: float) -> Tested:
     """Whether the autocorrelation time of ``series`` (n,) is longer than a step."""
     time_s = autocorrelation_time_s(series, step_s)
-    if_significant = f"the residual is autocorrelated over about {duration(time_s)}: something slow is missing"
+    if_significant = f"the residual is autocorrelated over about {duration(time_s)}: something slow may be missing"
     if_not = f"the residual is not autocorrelated beyond one sample of {duration(step_s)}"
     return Tested.of("memory", sensor, if_significant, if_not, time_s, step_s)
 

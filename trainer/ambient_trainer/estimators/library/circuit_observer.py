@@ -206,7 +206,7 @@ class CircuitObserver(Estimator):
         columns, segments, traces = training
         if len(columns) > _MOST_SENSORS:
             problem = f"{len(columns)} temperatures make a circuit with more unknowns than a trace determines"
-            raise refuse(self.name, "", problem, f"name the best {_MOST_SENSORS} or fewer with --sensors")
+            raise refuse(self.name, "", problem, f"name the best {_MOST_SENSORS} or fewer as its sensors")
         walk = walk_of(segments)
         whole = RandomWalkAmbient(columns, walk, segments)
         require_enough(traces, whole)

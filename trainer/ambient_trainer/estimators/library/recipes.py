@@ -62,6 +62,7 @@ class RecipeEstimator(Estimator):
 
     def __init__(self, recipe: Recipe, circuit: Circuit) -> None:
         self.recipe, self.circuit, self.name = recipe, circuit, recipe.name
+        self.own_columns = recipe.sensor_columns
 
     def searches(self, effort: Effort) -> int:
         """The circuit's, the main filter's, the secondary one's and one a fallback."""
