@@ -267,7 +267,6 @@ def test_a_silence_of_all_sensors_coasts_and_then_faults_and_what_follows_is_a_s
 @pytest.mark.parametrize("first", [0, 700])
 @pytest.mark.parametrize("wrong", [(0, 2, 3), (0, 1, 2, 3)])
 def test_what_several_report_without_a_value_is_no_reading(observer: Observer, first: int, wrong) -> None:
-    """They agree with one another, so that no expectation tells; whether the rest goes on or nothing is left."""
     fed(observer, first)
     found = fed(observer, 60, lambda k, u: [85.0 if i in wrong else value for i, value in enumerate(u)], start=first)
     found += fed(observer, 60, start=first + 60)

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from ambient_trainer.report import Figure, Report, Section
+from ambient_trainer.report import Figure, Report
 from ambient_trainer.report.page import page_of, write_report
 from ambient_trainer.report.palette import on_dark
 
@@ -155,8 +155,3 @@ def figures(block: Any) -> list[Figure]:
         return [block]
     blocks = [*block.lead, *block.sections] if isinstance(block, Report) else getattr(block, "blocks", ())
     return [each for inner in blocks for each in figures(inner)]
-
-
-def test_the_samples_are_found():
-    assert "ambient_trainer/selection" in PLACES
-    assert any(isinstance(each, Section) for each in samples("ambient_trainer/selection")["search"].sections)
