@@ -133,10 +133,10 @@ def test_heaters_with_bodies_of_their_own_heat_those(seed):
     trace = Trace("plates", time_s, {**read, **heaters, "ambient_degC": np.full(900, 20.0)})
     circuit = forward(in_air("a b", 100, 5))
     found = eliminate_backward(bare_fit(GreyBox.of(circuit), records(trace, circuit.inputs, list(read), 2.0)))
-    assert found is not None, seed
     heats = [each for each in found.model.mechanisms if each.cause == "heat_source"]
-    most = {each.key[2]: max(zip((n.value for n in each.numbers), each.places))[1] for each in heats}
-    # some of a heater's may go to both, as a path leads there
+    largest = [(each.key[2], *max(zip((abs(n.value) for n in each.numbers), each.places))) for each in heats]
+    # some of a heater's may go to both, as a path leads there; a hundredth of its heat is how its steps are simulated
+    most = {driver: place for driver, size_W, place in largest if size_W > 0.08}
     assert most == {"heater1_frac": "a_mass", "heater2_frac": "b_mass"}, (seed, most)
     assert found.rmse_degC < 0.1, seed
 
