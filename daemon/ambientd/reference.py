@@ -1,6 +1,6 @@
 """References of the ambient, from a configured file and from ``ambientd tell``, update the unit's offset.
 
-Both are files that are looked at every two seconds: another program writes the configured one, and ``ambientd tell``
+Both are files that are looked at once a second: another program writes the configured one, and ``ambientd tell``
 writes ``STATE.tell`` beside the state file. The file's modification time is the reading's. One reading counts per
 correlation time, while the status is ``tracking`` or ``degraded``, and never when it is older than configured; the
 configured file is not looked at before one could count. The answer to a submitted reading stands in the state file;
@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from ambientd.settings import ReferenceSpec
 
 LARGEST_BYTES = 256
-_POLL_S = 1.95
-"""Every two seconds at 1 Hz, too, where ticks jitter."""
+_POLL_S = 0.95
+"""Once a second at 1 Hz, too, where ticks jitter."""
 _ADVANCE_S = 10.0
 """How often the offset is predicted: it changes over days, and what is taken off the readings over an hour."""
 _AHEAD_S = 5.0

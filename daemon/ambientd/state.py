@@ -32,7 +32,7 @@ VERSION = 2
 _BOOT_ID = "/proc/sys/kernel/random/boot_id"
 LARGEST_BYTES = 2**16
 _LARGEST_NUMBER = 1e12
-_SAVES_PER_MAX_AGE = 2
+_SAVES_PER_MAX_AGE = 3
 for _name in ("_sha2", "_sha256", "hashlib"):  # hashlib brings OpenSSL's 4 MB into a process of 10 MB
     try:  # once: a module that is absent is looked for in every folder
         _digest = __import__(_name).sha256

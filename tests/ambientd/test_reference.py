@@ -69,7 +69,7 @@ class Device:
         path.write_bytes(content)
         os.utime(path, (self.unix_s - age_s,) * 2)
 
-    def tick(self, passed_s=2.0, estimate=AT_REST):
+    def tick(self, passed_s=1.0, estimate=AT_REST):
         self.now_s, self.unix_s = self.now_s + passed_s, self.unix_s + passed_s
         shown = self.learner.update(self.now_s, estimate)
         offset = self.learner.report.offset_degC

@@ -212,6 +212,6 @@ def test_it_is_saved_every_so_often_and_at_the_end(state_file, settled):
         file.ticked(settled, float(now_s))
         saved.append(decode(path.read_bytes()).time_s)
     file.close()
-    assert saved == [100.0] * 15 + [115.0] * 10
+    assert saved == [100.0] * 10 + [110.0] * 10 + [120.0] * 5
     assert decode(path.read_bytes()).time_s == 124.0
     assert (os.listdir(path.parent), notes) == (["state"], [])
