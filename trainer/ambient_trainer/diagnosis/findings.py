@@ -368,7 +368,7 @@ def _ranked(step: SelectionStep, trial: Trial, taken: set[tuple[str, tuple[str, 
     elif taken and best == (mechanism.key, trial.permanent):
         remark = "best single cause; the causes taken fit better together"
     elif step.chosen is not None and _is_rival(trial, step.chosen):
-        remark = "not distinguishable from the one taken"
+        remark = "fits as well as the one taken"
     elif gain.rmse_after_degC > gain.rmse_before_degC * 0.95:
         remark = "gain on held-out data not significant"
     elif mechanism.endogenous:

@@ -72,7 +72,8 @@ def next_experiment(selection: Selection, steps: Sequence[Step]) -> str:
         return _second_thermometer(chosen.mechanism.places[0], heat[0], str(steps[0].cause))
     found = _largest(taken, other)
     if found is None or found.sigmas < _SURE:
-        return f"No step of one logged input distinguishes {steps[0].cause} from {name}. Log longer, and more signals."
+        shows = "shows" if rival is None else f"distinguishes from {name}"
+        return f"No step of one logged input {shows} {steps[0].cause}. Log longer, and more signals."
     return (
         f"From steady state, take `{found.column}` from {found.rest:g} to {found.level:g}:"
         f" after {duration(found.after_s)}, `{found.sensor}` reads {found.readings_degC[0]:.2f} degC if it is"

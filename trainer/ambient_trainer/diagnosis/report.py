@@ -91,12 +91,13 @@ def noun(cause: Cause) -> str:
 
 
 def magnitude_text(magnitude: Magnitude | None) -> str:
-    """``0.8 W (0.7 to 0.9)``."""
+    """``0.8 W (0.7 to 0.9)``; without the interval where it is of one number, on a scale that is not known."""
     if magnitude is None:
         return "-"
-    low, high = magnitude.ci95
     unit = "" if magnitude.unit in ("", "1") else f" {magnitude.unit}"
-    return f"{digits(magnitude.value)}{unit} ({digits(low)} to {digits(high)})"
+    low, high = map(digits, magnitude.ci95)
+    shown = f"{digits(magnitude.value)}{unit}"
+    return f"{shown} ({low} to {high})" if magnitude.scale_known or low != high else shown
 
 
 def _facts(diagnosis: Diagnosis) -> Facts:
