@@ -26,6 +26,10 @@ from ambientd.sources.quantities import reference_degC
 from ambientd.sources.sensors import values_of
 from ambientd.sources.supervision import outside, wrong_unit
 
+_REGRESSORS = {"movement": "with the rate of change"} | dict.fromkeys(
+    ("guard", "guard_above", "guard_below"), "with the difference to the secondary estimate"
+)
+"""What an error variance model's terms are of."""
 _APART_K = 5.0
 """A temperature of what no value may be is doubted where it is so far from the median of all."""
 
@@ -91,11 +95,11 @@ def _interval(model: Model, level_percent: int) -> str:
         return f"{low:+g} to {high:+g} degC around the estimate, {level_percent} %"
     sigma = math.sqrt(model.error_variance.constant_degC2)
     low, high = (end * sigma for end in model.error_variance.quantiles[level_percent])
-    regressors = ", ".join(dict.fromkeys(term.of for term in model.error_variance.terms)) or "nothing"
+    wider = list(dict.fromkeys(_REGRESSORS[term.of] for term in model.error_variance.terms))
     around = "degC around the estimate in steady state"
     beyond = model.error_variance.beyond
-    outside = f", and outside of {beyond.low_degC:.1f} to {beyond.high_degC:.1f} degC" if beyond else ""
-    return f"{low:+.2g} to {high:+.2g} {around}, {level_percent} %; wider with {regressors}{outside}"
+    wider += [f"outside of {beyond.low_degC:.1f} to {beyond.high_degC:.1f} degC"] if beyond else []
+    return f"{low:+.2g} to {high:+.2g} {around}, {level_percent} %{'; wider ' * bool(wider)}{', '.join(wider)}"
 
 
 def check_sensors(settings: Settings) -> None:

@@ -83,7 +83,7 @@ def test_what_contradicts_itself_is_a_warning(check, make_model, saved):
     assert "0.00103959" in warnings[0]
     assert "secondary" in warnings[1]
     assert len(warnings) == 2
-    assert "movement, guard" in dict(printed)["interval"]
+    assert "rate of change, with the difference" in dict(printed)["interval"]
     assert "1 degC" in dict(printed)["secondary"]
 
 
