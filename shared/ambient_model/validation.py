@@ -22,9 +22,9 @@ within its gate for 10 minutes. A start waits for every sensor for as long as a 
 steps than in training widen the interval, and the estimate is degraded where their rounding adds more to its error
 variance than training left. What is missing for a short while moves as the others and its own past predict: of z its
 reading alone is unknown then. Several sensors that report at once what drivers give without a value (85, -40, 0 degC),
-and have not come there step by step, count as missing: they agree with one another. Where all sensors of fine steps have
-read the same for minutes, and far longer than in training, nothing is read any more: the estimate coasts. Time comes in
-as an argument; a sample less than half a period early or late counts as one that is due.
+and have not come there step by step, count as missing: they agree with one another. Where all sensors of fine steps
+have read the same for minutes, and far longer than in training, nothing is read any more: the estimate coasts. Time
+comes in as an argument; a sample less than half a period early or late counts as one that is due.
 """
 
 import itertools
