@@ -670,10 +670,10 @@ class Validation:
 
     def _stands_still(self) -> bool:
         """Whether several sensors of fine steps are there, and have all read the same to the last bit for too long."""
-        pairs = [(still[0], each) for still, each in zip(self._still, self._model.sensors)]
-        fine = [pair for i, pair in enumerate(pairs) if i not in self._apart and pair[1].step < _FINE_K]
-        most_s = [max(_FROZEN_S, _FROZEN_SHARE * each.still_s) for _, each in fine]
-        return len(fine) > 1 and all([self._time_s - since_s > most for (since_s, _), most in zip(fine, most_s)])
+        sensors = self._model.sensors
+        fine = [i for i in range(self._count) if i not in self._apart and max(self._steps[i], sensors[i].step) < _FINE_K]
+        most_s = [max(_FROZEN_S, _FROZEN_SHARE * sensors[i].still_s) for i in fine]
+        return len(fine) > 1 and all([self._time_s - self._still[i][0] > most for i, most in zip(fine, most_s)])
 
     def _follow(self, readings: Sequence[float | None], z: list[float]) -> None:
         """Replace what is missing or refused, and follow the slow differences of the others.
