@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ambient_model.faults import Refused
 from ambient_trainer.laboratory.journal import Head, Journal, JournalRecord, read_journal
 from ambient_trainer.laboratory.messages import Clock, End, Failure, Identity, LoadState, Note, Sample, StepBegan
+from refusals import refused
 
 HEAD = Head("5", "ab" * 32, 1.7e9, 1.0, False)
 
@@ -113,8 +113,7 @@ def test_a_runs_time_goes_on_in_a_suspension_and_no_stepped_calendar_moves_it_bu
 def test_what_is_no_journal_is_refused(text, place, write):
     head = json.dumps({"format": "ambient-journal", "version": 1, **HEAD._asdict()})
     path = write("t.part", text.replace("HEAD", head))
-    with pytest.raises(Refused, match=place):
-        read_journal(path)
+    assert place in str(refused(read_journal, path))
 
 
 def test_nothing_is_acknowledged_before_the_disk_has_it(tmp_path, monkeypatch):

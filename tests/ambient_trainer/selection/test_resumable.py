@@ -65,8 +65,7 @@ def foreign():
 @pytest.mark.parametrize("content", [b"", b"my notes\nof today\n", b'{"a": 1}\n', b"\xff\xfe\x00\n", foreign()])
 def test_a_file_that_is_none_is_refused_and_left_alone(tmp_path, path, content):
     (tmp_path / "state").write_bytes(content)
-    with pytest.raises(Refused, match="is not the state of a search"):
-        computed(path, [(1,)])
+    assert "is not the state of a search" in str(refused(computed, path, [(1,)]))
     assert (tmp_path / "state").read_bytes() == content
 
 

@@ -7,7 +7,6 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from ambient_model.faults import Refused
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.additions import Added, Term
 from ambient_trainer.simulator.device import load_device
@@ -16,7 +15,7 @@ from ambient_trainer.simulator.run import Driven, Run
 from ambient_trainer.simulator.scenario import load_scenario
 from ambient_trainer.simulator.simulate import simulate, simulate_many, truth
 from ambient_trainer.simulator.text import choices, draw_hidden
-from refusals import refused_places
+from refusals import refused, refused_places
 
 NODES = tuple(load_device().nodes)
 _SCENARIO = "3"
@@ -178,11 +177,9 @@ def test_what_cannot_be_is_refused_with_every_fault_and_what_is_outside_the_run(
     assert refused_places(checked, wrong, phone) == ["location", "signal", "body", "size", "from", "to"]
     for cause, place in (("path", "usb-usb"), ("path", "usb"), ("sensor_bias", "frame"), ("contact", "soc")):
         assert refused_places(simulate, "2.1", hide=[Hidden(cause, place, size=0.1)]) == ["location"]
-    with pytest.raises(Refused, match="warmth"):
-        checked(Hidden("warmth"), phone)
+    assert "warmth" in str(refused(checked, Hidden("warmth"), phone))
     for size in (float("nan"), float("inf")):
-        with pytest.raises(Refused, match="0 to 2000 J/K"):
-            checked(Hidden("thermal_mass", "display", size=size), phone)
+        assert "0 to 2000 J/K" in str(refused(checked, Hidden("thermal_mass", "display", size=size), phone))
     late = Hidden("sensor_bias", "usb", None, 1e5, None, 1.0)
     long = Hidden("heat_source", "soc", "radio_on", 0.0, 1e6, 1.0)
     assert refused_places(simulate_many, [("1", 0, [late, long, replace(long, end_s=1000.0)])], decoys=["noise"]) == [

@@ -8,6 +8,7 @@ import pytest
 from ambient_model.faults import Refused
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Cause
+from refusals import refused
 
 SENSORS = ("chip_degC", "board_degC", "shell_degC")
 BOTH_WAYS = pytest.mark.parametrize("baseline", [False, True], ids=["bare", "baseline"])
@@ -70,8 +71,7 @@ def test_a_reference_that_is_a_sensor_and_noise(verdict, boxed, seed):
 @pytest.mark.parametrize("decimals", [1, 9])
 def test_a_reference_that_is_a_sensor_is_refused(verdict, trace, decimals, baseline):
     copied = with_columns(trace, ambient_degC=trace.columns["board_degC"].round(decimals))
-    with pytest.raises(Refused, match="ambient_degC is board_degC"):
-        verdict(copied, baseline)
+    assert "ambient_degC is board_degC" in str(refused(verdict, copied, baseline))
 
 
 @BOTH_WAYS
@@ -93,8 +93,7 @@ def test_a_column_without_any_value_is_refused(verdict, trace, empty, baseline):
 
 def test_what_cannot_be_simulated_is_refused(verdict, trace):
     rising = with_columns(trace, ambient_degC=np.where(trace.time_s > 600, 1e7, 20.0))
-    with pytest.raises(Refused, match="cannot be simulated"):
-        verdict(rising, False)
+    assert "cannot be simulated" in str(refused(verdict, rising, False))
 
 
 def test_a_constant_room_is_no_nonsense_where_the_load_varies(box, boxed):
