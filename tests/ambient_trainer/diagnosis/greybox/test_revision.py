@@ -16,7 +16,7 @@ from ambient_trainer.diagnosis.greybox.mechanisms import coupling, heat, mass
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
-from ambient_trainer.diagnosis.greybox.revision import close_rivals, is_same, revise
+from ambient_trainer.diagnosis.greybox.revision import at_other_places, close_rivals, is_same, revise
 from ambient_trainer.diagnosis.greybox.screening import screen
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit, stepwise
 from ambient_trainer.diagnosis.greybox.trials import Trial, fit_candidates
@@ -82,6 +82,9 @@ def test_what_acts_on_a_body_neither_takes_its_place_nor_outlives_it(circuit, si
     warmed, second = begun(first, next(heat.candidates(Context(first)))), with_body(first, "board_mass")
     tried = [replace(Trial.of(bare, each), rmse_degC=1.0, at_bounds=False) for each in (first, second, warmed)]
     assert revise([SelectionStep(bare, tried[0], tuple(tried), 3)], second, 0, close_rivals) is None, seed
+    again = with_body(first, "board")
+    both = tuple(replace(Trial.of(first, each), rmse_degC=1.0, at_bounds=False) for each in (again, second))
+    assert revise([SelectionStep(first, both[0], both, 2)], again, 0, at_other_places) is None, seed
     alone, step = begun(bare, warmed.model.mechanisms[1]), SelectionStep(first, tried[2], tuple(tried[1:]), 2)
     assert revise([step], alone, 0, close_rivals) is None, seed
 

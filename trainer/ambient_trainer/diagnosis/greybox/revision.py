@@ -87,9 +87,10 @@ def at_other_places(step: SelectionStep) -> Iterator[Trial]:
     mine, seen = step.chosen.mechanism, {step.chosen.mechanism.places}
     for each in sorted(step.trials, key=penalised):
         its = each.mechanism
+        if bodies & set(its.places):
+            continue
         alike = (its.cause, its.key[2], its.permanent) == (mine.cause, mine.key[2], mine.permanent)
         single = len(its.places) == len(mine.places) == 1
-        single = single and not bodies & set(its.places)
         if alike and single and its.places not in seen and not each.at_bounds and len(seen) <= _ELSEWHERE:
             seen.add(its.places)
             yield each
