@@ -204,7 +204,8 @@ class _Pace:
         if self._held.changed(now_s, late):
             problem = f"cannot be held, {missed} of {self._count} were missed: lower rate_hz, or leave out slow sensors"
             if missed > self._count:
-                problem = f"stood still for {missed * self._window_s / self._count:.0f} s: the process was stopped"
+                stood_s = missed * self._window_s / self._count
+                problem = f"stood still for {stood_s:.0f} s: a sensor hung, or the process was stopped"
             log(f"ticks {problem if late else 'are held again'}")
         self.is_reported = self._held.wrong or self._forwards.wrong
         self._since_s, self.missed = now_s, self._ticks.missed

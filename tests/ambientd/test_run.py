@@ -5,13 +5,15 @@ import json
 import os
 import signal
 import threading
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 import pytest
 
 from ambient_model.faults import Refused
 from ambientd.fallback import FallbackTracker
-from ambientd.schedule import Waiter
+from ambientd.run import _Pace
+from ambientd.schedule import Waiter, clock_s
 from ambientd.service import Service
 
 from .conftest import text
@@ -144,6 +146,17 @@ def test_without_a_thread_to_spare_the_work_is_done_all_the_same(monkeypatch):
     with Waiter() as waiter:
         waiter.carry_out(lambda: done.append(1), lambda: False)
     assert done == [1]
+
+
+@pytest.mark.parametrize(("missed", "said"), [(3, "3 of 10 were missed"), (300, "for 300 s: a sensor hung, or")])
+def test_a_pause_is_told_from_ticks_that_cannot_be_held(missed, said, capfd):
+    ticks = SimpleNamespace(missed=0, back_s=0.0)
+    pace = _Pace(ticks, 1.0)
+    ticks.missed = missed
+    pace.ticked(clock_s() + 11)
+    assert said in capfd.readouterr().err
+    pace.ticked(clock_s() + 22)
+    assert "held again" in capfd.readouterr().err
 
 
 def test_age_grows_while_the_estimate_rests_on_memory(make_model):
