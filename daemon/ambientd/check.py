@@ -31,7 +31,7 @@ _REGRESSORS = {"movement": "with the rate of change"} | dict.fromkeys(
 )
 """What an error variance model's terms are of."""
 _APART_K = 5.0
-"""A temperature of what no value may be is doubted where it is so far from the median of all."""
+"""How far from the median of all a sensor is, at least, that is doubted because it reads a known error value."""
 
 
 def check_files(settings: Settings) -> None:
@@ -99,7 +99,8 @@ def _interval(model: Model, level_percent: int) -> str:
     around = "degC around the estimate in steady state"
     beyond = model.error_variance.beyond
     wider += [f"outside of {beyond.low_degC:.1f} to {beyond.high_degC:.1f} degC"] if beyond else []
-    return f"{low:+.2g} to {high:+.2g} {around}, {level_percent} %{'; wider ' * bool(wider)}{', '.join(wider)}"
+    interval = f"{low:+.2g} to {high:+.2g} {around}, {level_percent} %"
+    return f"{interval}; wider {', '.join(wider)}" if wider else interval
 
 
 def check_sensors(settings: Settings) -> None:

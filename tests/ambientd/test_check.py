@@ -162,6 +162,12 @@ def test_a_sensor_in_another_unit_or_for_no_input_is_refused(check, powered):
     assert "zones.soc: " in refused
 
 
+def test_one_sensor_for_two_inputs_is_refused(check, model_file, write):
+    twice = json.dumps({"model": str(model_file), "zones": {"usb": "battery"}})
+    _, refused = check("--config", write("twice.json", twice), status=1)
+    assert "input battery: is read from zone battery, as usb is" in refused
+
+
 def test_the_daemon_reads_every_kind_and_finds_a_renumbered_one_again(
     start, until, ended, powered, make_hwmon, sysfs, status, tmp_path
 ):
