@@ -21,6 +21,7 @@ from ambient_trainer.report.palette import on_dark
 
 TESTS = Path(__file__).parents[2]
 PLACES = sorted(str(each.parent.relative_to(TESTS)) for each in TESTS.rglob("sample_report.py"))
+assert "ambient_trainer/selection" in PLACES
 WIDTHS = {"light": (1280, 390), "dark": (1280,), "print": (718,)}  # of A4 between a browser's margins
 QUIET = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
