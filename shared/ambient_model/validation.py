@@ -671,7 +671,8 @@ class Validation:
     def _stands_still(self) -> bool:
         """Whether several sensors of fine steps are there, and have all read the same to the last bit for too long."""
         sensors = self._model.sensors
-        fine = [i for i in range(self._count) if i not in self._apart and max(self._steps[i], sensors[i].step) < _FINE_K]
+        left = [i for i in range(self._count) if i not in self._apart]
+        fine = [i for i in left if max(self._steps[i], sensors[i].step) < _FINE_K]
         most_s = [max(_FROZEN_S, _FROZEN_SHARE * sensors[i].still_s) for i in fine]
         return len(fine) > 1 and all([self._time_s - self._still[i][0] > most for i, most in zip(fine, most_s)])
 
