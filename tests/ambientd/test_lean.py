@@ -4,10 +4,8 @@ import os
 import signal
 from pathlib import Path
 
-import pytest
-
-from ambient_model.faults import Refused
 from ambientd.handover import Child
+from refusals import refused
 
 ROOT = Path(__file__).parents[2]
 HEAVY = {"argparse", "collections", "contextlib", "enum", "functools", "json", "re", "signal", "socket", "typing"}
@@ -26,8 +24,7 @@ def test_a_daemon_that_publishes_a_file_imports_nothing_else(ambientd):
 
 
 def test_a_child_that_is_killed_is_a_refusal():
-    with pytest.raises(Refused, match="was ended"):
-        Child(lambda: os.kill(os.getpid(), 9)).result()
+    assert "was ended" in str(refused(Child(lambda: os.kill(os.getpid(), 9)).result))
 
 
 def test_ctrl_c_is_the_parents_to_answer(start):

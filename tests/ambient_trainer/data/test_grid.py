@@ -10,6 +10,7 @@ from ambient_model.model import Discrete, Estimator, Input
 from ambient_model.tracking import Tracker
 from ambient_trainer.data.grid import sampling_period_s, segments
 from ambient_trainer.data.trace import Trace
+from refusals import refused
 
 
 def _trace(time_s, **columns):
@@ -59,8 +60,7 @@ def test_a_longer_gap_may_be_bridged_as_are_ten_long_periods_and_nothing_is_comp
 
 def test_what_is_too_short_is_refused():
     trace = _trace([0, 100, 200], a=range(3), ambient=range(3))
-    with pytest.raises(Refused, match=r"made.csv: columns a_degC: no 3 samples in a row"):
-        segments(trace, ["a_degC"], ["ambient_degC"], 1.0)
+    assert "columns a_degC: no 3 samples in a row" in str(refused(segments, trace, ["a_degC"], ["ambient_degC"], 1.0))
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import yaml
 
-from ambient_model.faults import Refused, refuse
+from ambient_model.faults import refuse
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.collect import Job, laboratory_path, resume
 from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
@@ -156,8 +156,7 @@ def test_a_stop_while_an_instrument_is_waited_for_moves_nothing(night, monkeypat
     lab, asked = night(minutes((2, 22))), threading.Event()
     monkeypatch.setattr(DeviceUnderTest, "identify", lambda _: asked.set() or threading.Event().wait())
     threading.Thread(target=lambda: asked.wait(20) and setattr(lab, "stop", "stopped by SIGINT")).start()
-    with pytest.raises(Refused, match=r"stopped by SIGINT.*nothing was moved"):
-        lab.run()
+    assert re.search(r"stopped by SIGINT.*nothing was moved", str(refused(lab.run)))
     assert (lab.held_degC, lab.part.exists()) == (None, False)
 
 
@@ -222,8 +221,7 @@ def test_neither_another_campaign_nor_a_second_program_goes_on_with_it(night, ca
     lab.run([*second, (30.0, lambda there: setattr(lab, "stop", "enough"))])
     assert said == ["belongs to a run that is not over"]
     other = Night(campaign_file(minutes((2, 23))), lab.output)
-    with pytest.raises(Refused, match=r"'night'.*SHA-256"):
-        other.run(work=resume)
+    assert re.search(r"'night'.*SHA-256", str(refused(other.run, work=resume)))
 
 
 @pytest.mark.parametrize(
@@ -235,5 +233,4 @@ def test_neither_another_campaign_nor_a_second_program_goes_on_with_it(night, ca
     ],
 )
 def test_what_the_simulated_phone_lacks_is_refused(night, steps, changes, part):
-    with pytest.raises(Refused, match=part):
-        night(steps, changes).run()
+    assert re.search(part, str(refused(night(steps, changes).run)))

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
 from ambient_trainer.diagnosis.greybox.expression import LATE, Expression, Samples
+from refusals import refused
 
 TIME_S = 10.0 * np.arange(50)
 COLUMNS = {"current_A": np.sin(TIME_S), "charge_As": TIME_S, "ambient_degC": 20 + np.cos(TIME_S)}
@@ -52,8 +53,7 @@ def test_columns_are_those_that_are_read_and_a_level_or_a_delay_is_a_number_of_i
     ],
 )
 def test_what_is_no_expression_is_refused(text):
-    with pytest.raises(Refused):
-        Expression(text).value(SAMPLES)
+    refused(Expression(text).value, SAMPLES)
 
 
 @settings(max_examples=50, deadline=None)

@@ -8,11 +8,11 @@ import time
 import numpy as np
 import pytest
 
-from ambient_model.faults import Refused
 from ambient_trainer.data.probe_offsets import ProbeOffset
 from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.instruments.host_sensors import Driver
 from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError, NoResponse
+from refusals import refused
 
 W1 = "bus/w1/devices/28-0316a279d1ff/w1_slave"
 IIO = "bus/iio/devices/iio:device3/in_temp"
@@ -121,5 +121,4 @@ def test_whatever_a_bus_answers_no_reading_is_wrong(tmp_path):
 
 @pytest.mark.parametrize("channel", ["/etc/passwd", "../class/slow", ""])
 def test_a_channel_outside_is_refused(tmp_path, channel):
-    with pytest.raises(Refused, match=r"probes\.a"):
-        driver(tmp_path, {"a": channel})
+    assert "probes.a" in str(refused(driver, tmp_path, {"a": channel}))

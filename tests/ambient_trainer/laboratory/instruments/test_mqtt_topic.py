@@ -4,10 +4,10 @@ import time
 
 import pytest
 
-from ambient_model.faults import Refused
 from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.instruments.mqtt_topic import Driver
 from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError, NoResponse
+from refusals import refused
 
 TOPIC = "home/desk"
 
@@ -93,5 +93,4 @@ def test_a_broker_that_goes_is_an_error_and_is_used_again(broker, publish, drive
 
 @pytest.mark.parametrize("values", [{"topic": "home/#"}, {"topic": ""}, {"port": "/dev/ttyUSB0"}, {"unit": "R"}])
 def test_settings_that_name_no_single_topic_are_refused(values):
-    with pytest.raises(Refused):
-        settings("mqtt-topic", **{"port": "mqtt://host:1883", "topic": TOPIC, **values})
+    refused(settings, "mqtt-topic", **{"port": "mqtt://host:1883", "topic": TOPIC, **values})

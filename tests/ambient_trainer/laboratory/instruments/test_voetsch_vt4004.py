@@ -1,4 +1,5 @@
 import math
+import re
 
 import pytest
 from hypothesis import given
@@ -8,6 +9,7 @@ from ambient_model.faults import Refused
 from ambient_trainer.laboratory.instruments import ChamberLimits, settings
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Simulated
 from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse
+from refusals import refused
 
 
 def chamber(low_degC: float = -20.0, high_degC: float = 60.0) -> Driver:
@@ -23,14 +25,12 @@ def test_nothing_outside_the_limits_is_sent(temp_degC):
     if not inside:
         for part in ("chamber", "set point", f"{temp_degC:g}", "-20 to 60"):
             assert part in str(caught.value)
-    with pytest.raises(Refused):  # it would be rounded to outside
-        chamber(high_degC=59.97).set_point(59.96)
+    refused(chamber(high_degC=59.97).set_point, 59.96)  # it would be rounded to outside
 
 
 @pytest.mark.parametrize("rate_K_min", [-0.1, 100.0, 0.04, math.nan, math.inf])
 def test_gradients_that_the_protocol_has_not_are_refused(rate_K_min):
-    with pytest.raises(Refused, match=r"gradient.*0\.1 to 99\.9"):
-        chamber().gradient(rate_K_min)
+    assert re.search(r"gradient.*0\.1 to 99\.9", str(refused(chamber().gradient, rate_K_min)))
 
 
 def test_a_later_controller_is_asked_once_in_five_seconds(driver_at, closed):
