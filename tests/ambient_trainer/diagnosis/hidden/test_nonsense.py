@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambient_model.faults import Refused
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Cause
 from refusals import refused
@@ -78,17 +77,15 @@ def test_a_reference_that_is_a_sensor_is_refused(verdict, trace, decimals, basel
 def test_ten_samples_are_refused(verdict, trace, baseline):
     few = replace(trace, time_s=trace.time_s[:10], columns={k: v[:10] for k, v in trace.columns.items()})
     alike = with_columns(few, ambient_degC=few.columns["board_degC"])
-    with pytest.raises(Refused, match=r"10 samples.*at least 100") as refused:
-        verdict(alike, baseline)
-    assert len(refused.value.faults) == 1
+    (fault,) = refused(verdict, alike, baseline).faults
+    assert all(each in str(fault) for each in ("10 samples", "at least 100"))
 
 
 @BOTH_WAYS
 @pytest.mark.parametrize("empty", [("board_degC",), ("ambient_degC",), ("chip_power_W",), SENSORS], ids="-".join)
 def test_a_column_without_any_value_is_refused(verdict, trace, empty, baseline):
-    with pytest.raises(Refused) as refused:
-        verdict(with_columns(trace, **dict.fromkeys(empty, np.nan * trace.time_s)), baseline)
-    assert all(f"{name} holds no value" in str(refused.value) for name in empty)
+    said = str(refused(verdict, with_columns(trace, **dict.fromkeys(empty, np.nan * trace.time_s)), baseline))
+    assert all(f"{name} holds no value" in said for name in empty)
 
 
 def test_what_cannot_be_simulated_is_refused(verdict, trace):
