@@ -23,6 +23,8 @@ _SHORTEST = 5
 _TIMES, _REFITTED, _APART = 10, 8, 0.4
 """Times that are tried for an end of a window, steps of the fit after it, and how far a delay moves, of itself, or a
 level, of its column's range."""
+_MOST_REFINEMENTS, _LEAST_REFINED = 6, 0.998
+"""Refinements of a time, each of which moves it a little, and the share of the error after one that ends them."""
 _DIVERGED_K2 = 1e100
 """In K^2, what a simulation leaves that is not finite: more than any other."""
 
@@ -100,14 +102,16 @@ def add_other_end(fitted: Fitted, body: Mechanism, columns: Columns) -> Mechanis
 
 
 def refine_timing(fitted: Fitted, index: int = -1) -> Fitted:
-    """The same with the window, delay or level of a mechanism, the last one, refined by the simulation, fitted again,
-    twice."""
+    """The same with the window, delay or level of a mechanism, the last one, refined by the simulation and fitted
+    again, as long as that gains."""
     index %= len(fitted.model.mechanisms)
-    for _ in range(2):
+    for _ in range(_MOST_REFINEMENTS):
         again = fit_near(fitted, _refined_model(fitted, index), _REFITTED)
         if again is None or again.rmse_degC > fitted.rmse_degC:
             break
-        fitted = again
+        fitted, before_degC = again, fitted.rmse_degC
+        if fitted.rmse_degC > _LEAST_REFINED * before_degC:
+            break
     return fitted
 
 
