@@ -167,13 +167,14 @@ def test_a_sensor_at_fault_is_named_where_nothing_is_known_good(circuit, simulat
     assert step.onset_s == pytest.approx(14400 if fault == "sensor_stuck" else 18000, abs=600), seed
 
 
-def test_a_sensor_of_whole_degrees_that_hardly_moves_does_not_stand_still(circuit, simulated, recorded, seed):
+def test_a_sensor_of_whole_degrees_or_on_what_freezes_does_not_stand_still(circuit, simulated, recorded, seed):
     trace = simulated(seed)
-    for decimals in (1, 0):
-        read = np.round(np.interp(trace.time_s, [9000, 9900], [20.0, 21.6]), decimals)
+    for decimals, creeps_K in ((1, 0.0), (0, 0.0), (4, 0.1)):
+        creeping = [20.0 - creeps_K, 20.0, 21.6, 21.6 + creeps_K]
+        read = np.round(np.interp(trace.time_s, [0, 9000, 9900, 36000], creeping), decimals)
         records = recorded(replace(trace, columns={**trace.columns, "board_degC": read}))
         found = Context(anchors(GreyBox.of(circuit), records)[0]).still("board")
-        assert (found is None) == (decimals == 0), seed
+        assert (found is None) == (decimals != 1), seed
 
 
 def test_heat_that_creeps_is_not_surely_a_drift(circuit, simulated, seed):

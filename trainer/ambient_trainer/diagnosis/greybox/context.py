@@ -267,7 +267,7 @@ class Context:
         first, last = _longest_still(read)
         if 1 < len(np.unique(read)) < COARSE:
             return None
-        if last - first < _STILL_SAMPLES or np.ptp(moved[first:last]) < _MOVED_DEGC:
+        if last - first < _STILL_SAMPLES or np.ptp(moved[first:last]) < _MOVED_DEGC or _wanders(read[first:last]):
             return None
         onset = None if first == 0 else float(time_s[first] - record.period_s / 2)
         end = None if last == len(known) else float(time_s[last - 1] + record.period_s / 2)
@@ -317,6 +317,12 @@ def _rest(row: Array) -> float | None:
     near = _NEAR_REST * (high - low)
     rest = float(np.median(row[np.abs(row - low) <= near]))
     return rest if np.mean(np.abs(row - rest) <= near) > _RESTS and rest > 2 * near else None
+
+
+def _wanders(row: Array) -> bool:
+    """Whether samples differ less from the one before than from the median: a stuck sensor flickers at most, and what
+    melts or freezes creeps."""
+    return bool(np.median(np.abs(np.diff(row))) < np.median(np.abs(row - np.median(row))))
 
 
 def _longest_still(row: Array) -> tuple[int, int]:
