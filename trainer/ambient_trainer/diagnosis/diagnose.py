@@ -207,10 +207,10 @@ def _diagnosis(
     before, after = bare.held_out_rmse_degC, final.held_out_rmse_degC
     share = None if floor_degC is None else _share(before, after, floor_degC)
     nothing = not steps and floor_degC is not None and _has_large_misfit(bare, floor_degC)
-    much_left = _much_left(final, share)
+    much_left, white = _much_left(final, share), _noise_degC(final) > _MAX_WHITE_SHARE * final.rmse_degC
     # an instrument's fault fits whatever physics leaves, and rows in any order have drivers, too, which gain little
     blamed = any(each.instrument for each in final.model.mechanisms[len(bare.model.mechanisms) :])
-    unsure = much_left and (blamed or _noise_degC(final) > _MAX_WHITE_SHARE * final.rmse_degC)
+    unsure = much_left and (blamed or white)
     halved = after < _HALF * before and not blamed and _left(final)[0] < _MAX_ANY
     nameless = unsure and not (halved or _heat_halves_error(steps))
     if nothing or not described or nameless or _confounded(selection):
@@ -225,6 +225,8 @@ def _diagnosis(
     own = bare.model.network(record, bare.model.z()[None])
     simulated = record.sensors - bare.residual_degC(longest)
     named = bool(steps) and steps[0].cause.name != UNKNOWN
+    # heat that nothing logged goes along with is nothing that a black box could foretell
+    more = much_left or (not white and _left(final)[1] > _MAX_OVERALL)
     return Diagnosis(
         trace=", ".join(trace.path for trace in traces),
         circuit=circuit.name,
@@ -242,7 +244,7 @@ def _diagnosis(
         bare_degC=before,
         floor_degC=floor_degC,
         explained_share=share,
-        notes=(f"{final.rmse_degC:.2f} degC is left: something else is missing, too.",) if named and much_left else (),
+        notes=(f"{final.rmse_degC:.2f} degC is left: something else is missing, too.",) if named and more else (),
     )
 
 

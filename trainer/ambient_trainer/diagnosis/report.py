@@ -116,9 +116,10 @@ def _facts(diagnosis: Diagnosis) -> Facts:
         if step.magnitude is not None:
             pairs.append(("magnitude", f"{magnitude_text(step.magnitude)}: {step.magnitude.meaning}"))
         pairs.append(("confidence", f"{100 * step.confidence:.1f} %"))
-    if diagnosis.explained_share is not None:
-        floor = f"a black box with the same inputs leaves {_degrees(diagnosis.floor_degC or 0.0)} degC"
-        pairs.append(("explained", f"{100 * diagnosis.explained_share:.0f} % of the explainable error: {floor}"))
+    if (share := diagnosis.explained_share) is not None:
+        explained = f"{100 * share:.0f} % of what" if share < 1.0 else "more than"
+        left = f"{_degrees(diagnosis.floor_degC or 0.0)} degC"
+        pairs.append(("explained", f"{explained} a black box with the same inputs explains, which leaves {left}"))
     return Facts(pairs)
 
 

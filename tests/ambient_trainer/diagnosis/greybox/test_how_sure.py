@@ -40,7 +40,7 @@ def heated(simulated):
 def whole(circuit, heated):
     """Its diagnosis where a black box does no better."""
     found = diagnose(circuit, [heated])
-    assert (found.verdict_cause.name, found.explained_share) == ("heat_source", 1.0)
+    assert (found.verdict_cause.name, found.explained_share, len(found.notes)) == ("heat_source", 1.0, 1)
     return found
 
 

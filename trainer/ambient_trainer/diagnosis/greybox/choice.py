@@ -86,8 +86,8 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
         # a late reference looks like nothing else: there it is enough to do better than all physics, sound or not
         late = each.mechanism.of_reference
         rivals = [*sound, *permanent] if late else sound
-        near = any(other.rmse_degC <= each.rmse_degC * much for other in rivals)
-        if not near and (late or _explains_its_sensor(before, each, enough)):
+        rivalled = any(other.rmse_degC <= each.rmse_degC * much for other in rivals)
+        if not rivalled and (late or _explains_its_sensor(before, each, enough)):
             return each
     for each in filter(_is_offset_step, faults):
         # other faults of the sensor count as well: a drift may come as near, but leaves the step in the readings
