@@ -16,7 +16,6 @@ from processes import ran
         (("run",), "one of the arguments --config --model is required"),
         (("run", "--model", "m", "--config", "c"), "not allowed with argument"),
         (("run", "--model", "m", "--publish", "file"), "'file' has no path; write file:PATH"),
-        (("run", "--model", "m", "--publish", "prometheus:/a"), "/a is not read there; write prometheus:/a.prom"),
         (("run", "--model", "m", "--rate", "0"), "argument --rate: 0 is not between 0.1 and 1e+06"),
         (("run", "--model", "m", "--rate", "fast"), "argument --rate: 'fast' is not a number"),
         (("run", "--model", "m", "--rate", "nan"), "argument --rate: nan is not between 0.1 and 1e+06"),

@@ -14,7 +14,7 @@ from .conftest import text
 
 @pytest.mark.parametrize("kind", ["file", "file-in-place", "status", "prometheus"])
 def test_a_second_daemon_is_refused_until_the_first_has_ended_in_any_way(start, until, ended, on_phone, tmp_path, kind):
-    out = tmp_path / "temp.prom"
+    out = tmp_path / "temp"
     run = on_phone(f"{kind}:{out}")
     first = start(*run)
     until(lambda: text(out))

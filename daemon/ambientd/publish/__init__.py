@@ -6,7 +6,6 @@ A new kind is one new module ``ambientd/publish/KIND.py``; ``KIND:PATH`` then pu
   :class:`~ambient_model.faults.Refused` where it cannot start; ``patience_ms`` is how long a full pipe may be waited
   for, None is for ever;
 - where it needs no path: ``TAKES_PATH = False``;
-- where readers want a name that ends so: ``ENDING``;
 - where it has keys of its own in the configuration: ``KEYS``, their names, and ``configured(spec, place, data,
   fault)``, which returns the spec with :attr:`Spec.options <ambientd.publish.spec.Spec.options>` set;
 - where its output is no plain file: ``foreseen(spec)``, what ``ambientd check`` prints of it, or OSError.

@@ -14,8 +14,6 @@ from ambientd.report import Report
 if TYPE_CHECKING:
     from ambientd.reference import OffsetReport
 
-ENDING = ".prom"
-"""Node_exporter reads no other file of the folder."""
 _STATUSES = (WARMING_UP, TRACKING, DEGRADED, COASTING, FAULTED)
 
 

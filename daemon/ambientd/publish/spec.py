@@ -37,12 +37,9 @@ def kind_module(kind: str) -> Any:
 def parse(text: str) -> Spec:
     """The publisher named by ``text``; raises ValueError, 'problem; hint', where it names none."""
     kind, _, path = text.partition(":")
-    module = kind_module(kind)
-    takes_path, ending = getattr(module, "TAKES_PATH", True), getattr(module, "ENDING", "")
+    takes_path = getattr(kind_module(kind), "TAKES_PATH", True)
     if path and not takes_path:
         raise ValueError(f"{text!r} has a path; {kind} takes none")
     if takes_path and not path:
         raise ValueError(f"{text!r} has no path; write {kind}:PATH")
-    if not path.endswith(ending):
-        raise ValueError(f"{path} is not read there; write {kind}:{path}{ending}")
     return Spec(kind.replace("_", "-"), path)
