@@ -60,7 +60,8 @@ def test_a_longer_gap_may_be_bridged_as_are_ten_long_periods_and_nothing_is_comp
 
 def test_what_is_too_short_is_refused():
     trace = _trace([0, 100, 200], a=range(3), ambient=range(3))
-    assert "columns a_degC: no 3 samples in a row" in str(refused(segments, trace, ["a_degC"], ["ambient_degC"], 1.0))
+    said = str(refused(segments, trace, ["a_degC"], ["ambient_degC"], 1.0))
+    assert "made.csv: columns a_degC: no 3 samples in a row" in said
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def test_ten_samples_are_refused(verdict, trace, baseline):
     few = replace(trace, time_s=trace.time_s[:10], columns={k: v[:10] for k, v in trace.columns.items()})
     alike = with_columns(few, ambient_degC=few.columns["board_degC"])
     (fault,) = refused(verdict, alike, baseline).faults
-    assert all(each in str(fault) for each in ("10 samples", "at least 100"))
+    assert "at least 100" in str(fault).partition("10 samples")[2]
 
 
 @BOTH_WAYS
