@@ -207,7 +207,8 @@ def _diagnosis(
     before, after = bare.held_out_rmse_degC, final.held_out_rmse_degC
     share = None if floor_degC is None else _share(before, after, floor_degC)
     nothing = not steps and floor_degC is not None and _has_large_misfit(bare, floor_degC)
-    much_left, white = _much_left(final, share), _noise_degC(final) > _MAX_WHITE_SHARE * final.rmse_degC
+    much_left = _much_left(final, share)
+    white = _noise_degC(final) > _MAX_WHITE_SHARE * final.rmse_degC
     # an instrument's fault fits whatever physics leaves, and rows in any order have drivers, too, which gain little
     blamed = any(each.instrument for each in final.model.mechanisms[len(bare.model.mechanisms) :])
     unsure = much_left and (blamed or white)
@@ -225,7 +226,7 @@ def _diagnosis(
     own = bare.model.network(record, bare.model.z()[None])
     simulated = record.sensors - bare.residual_degC(longest)
     named = bool(steps) and steps[0].cause.name != UNKNOWN
-    # heat that nothing logged goes along with is nothing that a black box could foretell
+    # a black box foretells no heat that nothing logged goes along with, so it may do no better
     more = much_left or (not white and _left(final)[1] > _MAX_OVERALL)
     return Diagnosis(
         trace=", ".join(trace.path for trace in traces),

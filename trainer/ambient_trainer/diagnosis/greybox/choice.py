@@ -82,7 +82,8 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
     permanent = [each for each in trials if not each.mechanism.instrument and each.permanent]
     much, enough = fault_margin(before.records), _MAX_LEFT_CHANGED if before.records[0].known_good else _MAX_LEFT
     faults = [each for each in passing if each.mechanism.instrument and not _is_switched(each)]
-    for each in (best := _best_by_sensor(faults)):
+    best = _best_by_sensor(faults)
+    for each in best:
         # a late reference looks like nothing else: there it is enough to do better than all physics, sound or not
         late = each.mechanism.of_reference
         rivals = [*sound, *permanent] if late else sound
@@ -90,7 +91,7 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
         if not rivalled and (late or _explains_its_sensor(before, each, enough)):
             return each
     for each in filter(_is_offset_step, faults):
-        # other faults of the sensor count as well: a drift may come as near, but leaves the step in the readings
+        # other faults are rivals, too: a drift of the sensor may come as near, but leaves the step in the readings
         near = (other for other in (*sound, *best) if other is not each and other.rmse_degC <= each.rmse_degC * much)
         if all(_has_steps_at_ends(each, other.fitted) for other in near):
             return each

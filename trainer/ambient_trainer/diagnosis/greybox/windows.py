@@ -24,7 +24,8 @@ _TIMES, _REFITTED, _APART = 10, 8, 0.4
 """Times that are tried for an end of a window, steps of the fit after it, and how far a delay moves, of itself, or a
 level, of its column's range."""
 _MOST_REFINEMENTS, _LEAST_REFINED = 6, 0.998
-"""Refinements of a time, each of which moves it a little, and the share of the error after one that ends them."""
+"""Maximum number of refinements of a time, each of which moves it a little; and the ratio of the error after one to
+that before it from which there is no other."""
 _DIVERGED_K2 = 1e100
 """In K^2, what a simulation leaves that is not finite: more than any other."""
 
@@ -109,8 +110,9 @@ def refine_timing(fitted: Fitted, index: int = -1) -> Fitted:
         again = fit_near(fitted, _refined_model(fitted, index), _REFITTED)
         if again is None or again.rmse_degC > fitted.rmse_degC:
             break
-        fitted, before_degC = again, fitted.rmse_degC
-        if fitted.rmse_degC > _LEAST_REFINED * before_degC:
+        gains = again.rmse_degC < _LEAST_REFINED * fitted.rmse_degC
+        fitted = again
+        if not gains:
             break
     return fitted
 
