@@ -18,6 +18,12 @@ REPOSITORY = Path(__file__).parents[2]
 CIRCUITS = REPOSITORY / "tests" / "data" / "circuits"
 
 
+@pytest.fixture
+def seed() -> int:
+    """Another one each time; a test that fails says which."""
+    return int(np.random.default_rng().integers(1 << 30))
+
+
 @pytest.fixture(scope="session")
 def described() -> Path:
     """Maps and circuits of the measured files; the data themselves are never copied."""

@@ -77,8 +77,7 @@ def wandering(random: np.random.Generator) -> np.ndarray:
 
 
 @pytest.mark.parametrize("code", [85.0, -127.0, 0.0, 900.0])
-def test_a_few_wild_readings_go_and_a_gap_stays(code):
-    seed = int(np.random.default_rng().integers(1 << 30))
+def test_a_few_wild_readings_go_and_a_gap_stays(code, seed):
     random = np.random.default_rng(seed)
     true = wandering(random)
     at = 20 + 100 * np.arange(25) + random.integers(0, 50, 25)
@@ -104,8 +103,7 @@ def test_of_other_columns_only_what_is_far_larger_than_all_else_goes():
 
 
 @pytest.mark.parametrize("what", ["nothing", "a step", "bursts of load", "codes for a while", "codes at every tenth"])
-def test_what_a_temperature_may_do_stays_and_what_is_more_than_a_few(what):
-    seed = int(np.random.default_rng().integers(1 << 30))
+def test_what_a_temperature_may_do_stays_and_what_is_more_than_a_few(what, seed):
     random = np.random.default_rng(seed)
     read = wandering(random)
     if what == "a step":

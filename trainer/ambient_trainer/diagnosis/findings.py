@@ -68,7 +68,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
         index = found[0]
         held.remove(index)
         mechanism = final.model.mechanisms[index]
-        without = _without(final, index)
+        without = fitted_without(final, index)
         gain = _gain(step.before, chosen.fitted, chosen, step.tried)
         if gain.ci95_degC[0] <= 0 and without is not None:
             # what an earlier step finds may show itself only beside what later ones do
@@ -238,7 +238,7 @@ def ambient_is_constant(records: Sequence[Record]) -> bool:
     return bool(records) and not any(np.ptp(each.signals.get(REFERENCE, np.zeros(1))) > 0 for each in records)
 
 
-def _without(final: Fitted, index: int) -> Fitted | None:
+def fitted_without(final: Fitted, index: int) -> Fitted | None:
     """A model without a mechanism, fitted; None where that is all that it has, or others act on its bodies."""
     alone = len(final.model.mechanisms) == 1 or final.model.carries(index)
     return None if alone else refit_as(final, final.model.without(index))

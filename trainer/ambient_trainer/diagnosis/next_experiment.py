@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.findings import cause_of, residuals_degC
+from ambient_trainer.diagnosis.findings import cause_of, fitted_without, residuals_degC
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import Fitted, simulate
+from ambient_trainer.diagnosis.greybox.revision import is_same
 from ambient_trainer.diagnosis.greybox.stepwise import Selection
 from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.record import Record
@@ -71,6 +72,8 @@ def next_experiment(selection: Selection, steps: Sequence[Step]) -> str:
     if chosen.mechanism.instrument and heat:
         return _second_thermometer(chosen.mechanism.places[0], heat[0], str(steps[0].cause))
     found = _largest(taken, other)
+    if rival is None and (found is None or found.sigmas < _SURE) and (without := _without(selection.final, chosen)):
+        found, name = _largest(selection.final, without), "only the other causes are there"
     if found is None or found.sigmas < _SURE:
         shows = "shows" if rival is None else f"distinguishes from {name}"
         return f"No step of one logged input {shows} {steps[0].cause}. Log longer, and more signals."
@@ -80,6 +83,13 @@ def next_experiment(selection: Selection, steps: Sequence[Step]) -> str:
         f" {steps[0].cause}, {found.readings_degC[1]:.2f} degC if {name} (standard deviation"
         f" {digits(found.sd_degC, 2)} degC)."
     )
+
+
+def _without(final: Fitted, chosen: Trial) -> Fitted | None:
+    """The final model without what was chosen, fitted: a cause may show only beside others."""
+    mechanisms = final.model.mechanisms
+    index = next((i for i, each in enumerate(mechanisms) if is_same(each, chosen.mechanism)), None)
+    return None if index is None else fitted_without(final, index)
 
 
 def _second_thermometer(place: str, physics: str, fault: str) -> str:
@@ -102,12 +112,17 @@ def _columns(trial: Trial) -> tuple[str, ...]:
 
 
 def _largest(one: Fitted, other: Fitted) -> Difference | None:
-    """The switch after which two models differ most."""
+    """The switch after which two models differ most; of a driver of theirs, where that is sure."""
+    drivers = _moved_by(one, other)
     sd = np.sqrt(np.nanmean(residuals_degC(one) ** 2, axis=1)) + 1e-6
     read = np.concatenate([record.sensors for record in one.records], axis=1)
     seen_degC = float(np.nanmin(read)) - _BEYOND_K, float(np.nanmax(read)) + _BEYOND_K
     found = (_difference(one, other, *switch, sd, seen_degC) for switch in _switches(one, other))
-    return max((each for each in found if each is not None), key=lambda each: each.sigmas, default=None)
+    return max(
+        (each for each in found if each is not None),
+        key=lambda each: (each.column in drivers and each.sigmas >= _SURE, each.sigmas),
+        default=None,
+    )
 
 
 def _difference(
@@ -162,10 +177,15 @@ def _levels(one: Fitted) -> dict[str, tuple[float, list[float]]]:
 
 def _switches(one: Fitted, other: Fitted) -> Iterator[tuple[str, float, float]]:
     """Every input of the circuit and every driver of the two: where it rests, and the level to which it is taken."""
-    drivers = [each.driver for model in (one.model, other.model) for each in model.mechanisms]
-    names = [*one.model.circuit.inputs, *(name for each in drivers if each is not None for name in each.columns)]
+    names = [*one.model.circuit.inputs, *_moved_by(one, other)]
     for name, (rest, levels) in ((name, _levels(one)[name]) for name in dict.fromkeys(names)):
         yield from ((name, rest, level) for level in levels if level != rest)
+
+
+def _moved_by(one: Fitted, other: Fitted) -> list[str]:
+    """The columns of the two models' drivers."""
+    drivers = [each.driver for model in (one.model, other.model) for each in model.mechanisms]
+    return [name for each in drivers if each is not None for name in each.columns]
 
 
 def _survey(final: Fitted) -> str:

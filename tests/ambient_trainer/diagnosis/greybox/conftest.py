@@ -16,12 +16,6 @@ from ...conftest import in_air
 PERIOD_S, SAMPLES = 30.0, 1200
 
 
-@pytest.fixture
-def seed() -> int:
-    """Another one each time; a test that fails says which."""
-    return int(np.random.default_rng().integers(1 << 30))
-
-
 @pytest.fixture(scope="session")
 def circuit():
     return forward(in_air("board", 50, 5))

@@ -33,9 +33,8 @@ def together(now, degC):
     return 0.004 * now["sun_W_m2"] + 0.8 * now["current_A"] ** 2 - 1.5
 
 
-def test_what_was_hidden_together_is_left_of_everything(circuit, simulated, recorded):
+def test_what_was_hidden_together_is_left_of_everything(circuit, simulated, recorded, seed):
     """Sun, a current and constant cooling beside a body: humidity, wind and the current itself heat nothing."""
-    seed = int(np.random.default_rng().integers(1 << 30))
     bare = bare_fit(GreyBox.of(circuit), recorded(simulated(seed, heat_W=together, mass=(0.4, 500.0))))
     found = eliminate_backward(bare)
     assert found is not None, seed
@@ -48,8 +47,7 @@ def test_what_was_hidden_together_is_left_of_everything(circuit, simulated, reco
     assert all(rivals), seed
 
 
-def test_a_peltier_element_cools_by_its_current_and_warms_by_its_square(circuit, simulated, recorded):
-    seed = int(np.random.default_rng().integers(1 << 30))
+def test_a_peltier_element_cools_by_its_current_and_warms_by_its_square(circuit, simulated, recorded, seed):
     trace = simulated(seed, heat_W=lambda now, degC: 0.9 * now["current_A"] ** 2 - 3.0 * now["current_A"] + 1.0)
     named = {each.replace("current", "tec"): row for each, row in trace.columns.items()}
     found = eliminate_backward(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=named))))
@@ -85,8 +83,7 @@ def test_a_circuit_that_never_settles_is_searched_from_its_own_numbers(seed, mon
     assert ("heat_source", "heater_frac") in found, seed
 
 
-def test_nothing_is_left_where_nothing_is_hidden(circuit, simulated, recorded):
-    seed = int(np.random.default_rng().integers(1 << 30))
+def test_nothing_is_left_where_nothing_is_hidden(circuit, simulated, recorded, seed):
     bare = bare_fit(GreyBox.of(circuit), recorded(simulated(seed)))
     assert eliminate_backward(bare) is None, seed
 

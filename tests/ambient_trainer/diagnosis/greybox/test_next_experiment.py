@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from ambient_trainer.diagnosis.findings import cause_of, steps_of
-from ambient_trainer.diagnosis.greybox.context import Context
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Drift
@@ -19,6 +18,10 @@ from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.next_experiment import _closest, _largest, next_experiment
 
 UNITS_S = {"s": 1.0, "min": 60.0, "h": 3600.0}
+
+
+def heat_at_board(heat_W, driver=None):
+    return Heat(("board",), (Number("heat_board", "W", heat_W),), None if driver is None else Expression(driver))
 
 
 @pytest.mark.slow
@@ -46,9 +49,6 @@ def test_no_column_is_moved_without_the_one_that_goes_along_and_an_offset_needs_
     def trial(mechanism):
         return Trial(mechanism, SimpleNamespace(model=GreyBox.of(circuit)), 0.5, at_bounds=False)
 
-    def heat(driver):
-        return Heat(("board",), (Number("heat_board", "W", 1.0),), None if driver is None else Expression(driver))
-
     def asked(chosen, rival):
         trials = [trial(chosen), trial(rival)]
         compared = SimpleNamespace(trials=trials)
@@ -57,30 +57,36 @@ def test_no_column_is_moved_without_the_one_that_goes_along_and_an_offset_needs_
             SimpleNamespace(cause=cause_of(chosen, circuit), indistinguishable_from=[cause_of(rival, circuit)])
         ]
 
-    selection, steps = asked(heat("sun_W_m2"), heat("ghi_W_m2"))
+    selection, steps = asked(heat_at_board(1.0, "sun_W_m2"), heat_at_board(1.0, "ghi_W_m2"))
     assert _closest(selection, steps[0], selection.steps[0].chosen) is None
-    selection, steps = asked(heat("current_A^2"), heat("current_A"))
+    selection, steps = asked(heat_at_board(1.0, "current_A^2"), heat_at_board(1.0, "current_A"))
     assert _closest(selection, steps[0], selection.steps[0].chosen) is selection.compared.trials[1]
-    text = next_experiment(*asked(heat(None), Bias(("board",), (Number("bias_board", "degC", 1.0),))))
+    text = next_experiment(*asked(heat_at_board(1.0), Bias(("board",), (Number("bias_board", "degC", 1.0),))))
     assert "thermometer" in text
     assert "`board`" in text
     drift = Drift(("board",), (Number("drift_board", "K/h", 1.0),))
-    text = next_experiment(*asked(drift, heat("time_s")))
+    text = next_experiment(*asked(drift, heat_at_board(1.0, "time_s")))
     assert "`board`: it agrees with the sensor if the cause is heat_source at board by time_s" in text
 
 
 @pytest.mark.parametrize("heat_W", [20.0, -20.0])
 def test_no_reading_is_predicted_far_from_what_the_log_has_seen(circuit, simulated, recorded, heat_W):
     records = recorded(simulated(1, heat_W=lambda now, degC: 0.8 * now["current_A"]))
-    model = GreyBox.of(circuit)
-    heat = next(
-        each
-        for each in permanent_candidates(Context(fit(model, records, most=0)), lambda mechanism: np.zeros(1))
-        if each.key == ("heat_source", ("board",), "current_A")
-    )
-    one = fit(model, records, most=0)
-    other = fit(model.with_mechanism(heat.with_values([heat_W])), records, most=0)
-    found = _largest(one, other)
+    one = fit(GreyBox.of(circuit), records, most=0)
+    heated = one.model.with_mechanism(heat_at_board(heat_W, "current_A"))
+    found = _largest(one, fit(heated, records, most=0, prior=one.prior))
     assert found is not None
     low, high = np.nanmin(records[0].sensors), np.nanmax(records[0].sensors)
     assert all(low - 15 < each < high + 15 for each in found.readings_degC)
+
+
+def test_what_shows_only_beside_other_causes_is_asked_for_beside_them(circuit, simulated, recorded):
+    records = recorded(simulated(1, heat_W=lambda now, degC: 0.8 * now["current_A"]))
+    bare = fit(GreyBox.of(circuit), records, most=0)
+    heat = heat_at_board(1.0, "current_A")
+    final = fit(bare.model.with_mechanism(heat).with_mechanism(heat_at_board(0.1)), records, prior=bare.prior)
+    chosen = Trial(heat, bare, 0.5, at_bounds=False)
+    step, compared = SimpleNamespace(chosen=chosen), SimpleNamespace(trials=[])
+    selection = SimpleNamespace(bare=bare, final=final, compared=compared, steps=[step])
+    found = SimpleNamespace(cause=cause_of(heat, circuit), indistinguishable_from=[])
+    assert "take `current_A`" in next_experiment(selection, [found])
